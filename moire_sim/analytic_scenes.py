@@ -1,0 +1,131 @@
+"""Test scenes with exact truth, ray-cast without a simulator: planes, waves, solids, shadows, thin things."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from moire_sensor.paper_rig import PROJECTOR_SIZE, paper_pattern, paper_rig
+from moire_sensor.pattern import FringePattern
+from moire_sensor.rig import StereoRig
+from moire_sim.analytic_surfaces import Box, Cylinder, Relief, Sphere, Surface, unobstructed
+from moire_sim.analytic_view import AnalyticView, device_centre, in_image
+from moire_sim.capture import Grey, HeadCapture
+from moire_sim.errors import SceneError
+from moire_sim.exposure import exposed, lens_blur, noise_generator
+
+AMBIENT = 20.0
+# Light between the fringes' dark parts and black, in amplitudes: keeps the dark parts above the noise.
+OFFSET_PER_AMPLITUDE = 1.15
+BACK = Relief(1.5)
+
+SCENES: dict[str, tuple[Surface, ...]] = {
+    "plane_600": (Relief(0.6),),
+    "plane_1000": (Relief(1.0),),
+    "plane_1500": (Relief(1.5),),
+    "tilt_0.5": (Relief(1.0, slope_x=0.5),),
+    "slope_1.2": (Relief(1.0, slope_x=1.2),),
+    "tilt_rows_0.5": (Relief(1.0, slope_y=0.5),),
+    "waves": (Relief(1.0, waves=((0.020, 0.15, np.inf), (0.008, np.inf, 0.10))),),
+    "cylinder_and_box": (
+        BACK,
+        Cylinder(-0.16, 1.20, 0.10, -0.15, 0.5),
+        Box((0.17, 0.10, 1.15), (0.20, 0.25, 0.20), 0.35),
+    ),
+    "small_plate": (Relief(1.2), Box((0.02, 0.0, 0.9025), (0.080, 0.060, 0.005))),
+    "spheres": (
+        Relief(1.3),
+        Sphere((-0.13, -0.04, 1.0), 0.09),
+        Sphere((0.12, 0.06, 0.9), 0.07),
+        Sphere((0.06, -0.10, 1.15), 0.04),
+    ),
+    "thin_poles": (
+        BACK,
+        Cylinder(-0.15, 0.9, 0.010, -1.0, 1.0),
+        Cylinder(0.02, 0.8, 0.010, -1.0, 1.0),
+        Cylinder(0.16, 1.1, 0.010, -1.0, 1.0),
+    ),
+    "stairs": (
+        Relief(1.3),
+        *(Box((0.0, 0.03 + 0.03 * step, 1.3 - 0.03 * step), (0.28, 0.03, 0.2)) for step in range(1, 5)),
+        *(Box((-0.10 + 0.06 * step, -0.10, 1.3 - 0.03 * step), (0.06, 0.16, 0.2)) for step in range(1, 5)),
+    ),
+}
+
+
+def analytic_scene_names() -> tuple[str, ...]:
+    """Names that :func:`analytic_capture` accepts."""
+    return tuple(SCENES)
+
+
+def analytic_capture(
+    name: str,
+    pattern: FringePattern | None = None,
+    *,
+    amplitude: float = 70.0,
+    noise: float = 1.5,
+    seed: int = 0,
+    blur_px: float = 0.5,
+    gamma: float = 1.0,
+    texture: float = 0.0,
+    bits: int = 8,
+    rig: StereoRig | None = None,
+    projector_size: tuple[int, int] | None = None,
+) -> HeadCapture:
+    """Fringe images and exact truth of a scene, all steps of the pattern.
+
+    Parameters
+    ----------
+    name : one of :func:`analytic_scene_names`.
+    pattern : default the paper's single shot; n > 1 steps give (n, H, W) images.
+    amplitude : grey levels of the fringes on a white surface that faces the projector.
+    noise : standard deviation, grey levels; step n of camera c draws from ``default_rng((seed, n, c))``.
+    blur_px : standard deviation of the lens blur, pixels.
+    gamma : response of the projector, 1 is linear.
+    texture : darkening of every other 25 mm cell, 0 to 1.
+    bits : 8 or 16.
+    rig : default the paper's. ``projector_size`` (width, height) is the paper's for the paper's rig, else unlimited.
+
+    Raises
+    ------
+    SceneError
+        An unknown name.
+    """
+    surfaces = scene_surfaces(name)
+    pattern = pattern or paper_pattern()
+    if rig is None:
+        rig, projector_size = paper_rig(), projector_size or PROJECTOR_SIZE
+    views = [
+        AnalyticView.of(surfaces, rig, projection, texture, projector_size)
+        for projection in (rig.P_left, rig.P_right)
+    ]
+    images: list[Grey] = []
+    for camera, view in enumerate(views):
+        frames = []
+        for step in range(pattern.step_count):
+            ideal = view.picture(pattern, step, AMBIENT, OFFSET_PER_AMPLITUDE * amplitude, amplitude, gamma)
+            frames.append(exposed(lens_blur(ideal, blur_px), noise, noise_generator(seed, step, camera), bits))
+        images.append(frames[0] if pattern.step_count == 1 else np.stack(frames))
+    left = views[0].centres
+    depth_m = np.where(left.surface >= 0, left.points_m[2], np.nan).astype(np.float32).reshape(views[0].shape)
+    lit = left.lit.reshape(views[0].shape)
+    covisible = lit & seen_from_right(surfaces, rig, left.points_m).reshape(lit.shape)
+    return HeadCapture(images[0], images[1], depth_m, covisible, lit, rig, pattern)
+
+
+def scene_surfaces(name: str) -> tuple[Surface, ...]:
+    """Return the surfaces of a scene, or raise SceneError naming those there are."""
+    if name not in SCENES:
+        raise SceneError(f"unknown analytic scene {name!r}; choose one of {', '.join(SCENES)}")
+    return SCENES[name]
+
+
+def seen_from_right(
+    surfaces: Sequence[Surface], rig: StereoRig, points_m: npt.NDArray[np.float64]
+) -> npt.NDArray[np.bool_]:
+    """Whether points (3, N) lie in the right image and nothing hides them from the right camera."""
+    device = rig.P_right[:, :3] @ points_m + rig.P_right[:, 3:]
+    inside = in_image((device[:2] / device[2]).T, rig.image_size)
+    return np.asarray(inside & unobstructed(surfaces, device_centre(rig.P_right), points_m))

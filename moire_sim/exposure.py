@@ -1,0 +1,58 @@
+"""From ideal grey levels to a camera's picture: lens blur, noise, quantisation; and the projector's waveform."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from moire_sensor.pattern import FringePattern
+
+Image = npt.NDArray[np.float32]
+
+
+def projected_signal(
+    pattern: FringePattern, column_px: npt.NDArray[np.float64], step: int, gamma: float, footprint_px: float = 1.0
+) -> npt.NDArray[np.float64]:
+    """Projector output in -1..1 at device columns (any shape).
+
+    ``gamma`` bends the projector's response (1 is linear). A square wave is averaged over ``footprint_px`` device
+    columns, the width that one sample stands for, so that its edges do not alias.
+    """
+    if pattern.waveform == "square":
+        phase = pattern.phase_at(column_px, step)
+        edge_distance_rad = np.arcsin(np.cos(phase))
+        half_footprint_rad = math.pi * footprint_px / pattern.period_px
+        wave = np.clip(edge_distance_rad / half_footprint_rad, -1.0, 1.0)
+    else:
+        wave = pattern.signal(column_px, step)
+    return wave if gamma == 1.0 else 2.0 * np.power((1.0 + wave) / 2.0, gamma) - 1.0
+
+
+def lens_blur(image: Image, blur_px: float) -> Image:
+    """Gaussian point spread of standard deviation ``blur_px``; 0 leaves the image as it is."""
+    if blur_px <= 0.0:
+        return image
+    return np.asarray(
+        cv2.GaussianBlur(image, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE), dtype=np.float32
+    )
+
+
+def noise_generator(seed: int, exposure_index: int, camera: int) -> np.random.Generator:
+    """Return the noise source of one camera (0 left, 1 right) in one exposure."""
+    return np.random.default_rng((seed, exposure_index, camera))
+
+
+def exposed(
+    image: Image, noise: float, generator: np.random.Generator, bits: int = 8
+) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
+    """Add Gaussian noise of ``noise`` 8-bit grey levels and round to ``bits`` (8 or 16) bits.
+
+    16 bit images use the full range: one 8-bit grey level is 257 counts.
+    """
+    noisy = image if noise <= 0.0 else image + noise * generator.standard_normal(image.shape, dtype=np.float32)
+    if bits == 8:
+        return cv2.convertScaleAbs(np.maximum(noisy, 0.0))
+    return np.clip(noisy * 257.0 + 0.5, 0.0, 65535.0).astype(np.uint16)
