@@ -12,7 +12,7 @@ from moire_sensor.pattern import FringePattern
 from moire_sensor.rig import StereoRig
 from moire_sim.analytic_surfaces import Box, Cylinder, Relief, Sphere, Surface, unobstructed
 from moire_sim.analytic_view import AnalyticView, device_centre, in_image
-from moire_sim.capture import Grey, HeadCapture
+from moire_sim.capture import Grey, HeadCapture, stacked
 from moire_sim.errors import SceneError
 from moire_sim.exposure import exposed, lens_blur, noise_generator
 
@@ -31,21 +31,21 @@ SCENES: dict[str, tuple[Surface, ...]] = {
     "waves": (Relief(1.0, waves=((0.020, 0.15, np.inf), (0.008, np.inf, 0.10))),),
     "cylinder_and_box": (
         BACK,
-        Cylinder(-0.16, 1.20, 0.10, -0.15, 0.5),
-        Box((0.17, 0.10, 1.15), (0.20, 0.25, 0.20), 0.35),
+        Cylinder(-0.09, 1.20, 0.09, -0.15, 0.5),
+        Box((0.16, 0.10, 1.15), (0.18, 0.25, 0.18), 0.35),
     ),
     "small_plate": (Relief(1.2), Box((0.02, 0.0, 0.9025), (0.080, 0.060, 0.005))),
     "spheres": (
         Relief(1.3),
-        Sphere((-0.13, -0.04, 1.0), 0.09),
+        Sphere((-0.07, -0.05, 1.0), 0.08),
         Sphere((0.12, 0.06, 0.9), 0.07),
-        Sphere((0.06, -0.10, 1.15), 0.04),
+        Sphere((0.07, -0.12, 1.15), 0.04),
     ),
     "thin_poles": (
         BACK,
-        Cylinder(-0.15, 0.9, 0.010, -1.0, 1.0),
-        Cylinder(0.02, 0.8, 0.010, -1.0, 1.0),
-        Cylinder(0.16, 1.1, 0.010, -1.0, 1.0),
+        Cylinder(-0.05, 0.9, 0.010, -1.0, 1.0),
+        Cylinder(0.06, 0.8, 0.010, -1.0, 1.0),
+        Cylinder(0.18, 1.1, 0.010, -1.0, 1.0),
     ),
     "stairs": (
         Relief(1.3),
@@ -107,7 +107,7 @@ def analytic_capture(
         for step in range(pattern.step_count):
             ideal = view.picture(pattern, step, AMBIENT, OFFSET_PER_AMPLITUDE * amplitude, amplitude, gamma)
             frames.append(exposed(lens_blur(ideal, blur_px), noise, noise_generator(seed, step, camera), bits))
-        images.append(frames[0] if pattern.step_count == 1 else np.stack(frames))
+        images.append(stacked(frames))
     left = views[0].centres
     depth_m = np.where(left.surface >= 0, left.points_m[2], np.nan).astype(np.float32).reshape(views[0].shape)
     lit = left.lit.reshape(views[0].shape)

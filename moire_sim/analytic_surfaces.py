@@ -60,7 +60,10 @@ class Relief:
         for _ in range(NEWTON_STEPS if self.waves else 1):
             z, z_x, z_y = self.height(origin[0] + t * directions[0], origin[1] + t * directions[1])
             slope = directions[2] - z_x * directions[0] - z_y * directions[1]
-            t = t - (origin[2] + t * directions[2] - z) / slope
+            change = (origin[2] + t * directions[2] - z) / slope
+            t = t - change
+            if np.abs(change).max(initial=0.0) < 1e-12:
+                break
         return np.where(t > 0.0, t, np.inf)
 
     def normal(self, points: Array) -> Array:

@@ -42,7 +42,7 @@ def device_centre(projection: Array) -> Array:
 def checker_albedo(points: Array, texture: float) -> Array:
     """Albedo 1 and 1 - ``texture`` in cubes of 25 mm, off the planes that scenes use."""
     cells = np.floor((points + 0.0061) / CHECKER_M).astype(np.int64).sum(axis=0)
-    return 1.0 - texture * (cells % 2)
+    return np.asarray(1.0 - texture * (cells % 2), dtype=np.float64)
 
 
 def sample(
@@ -56,7 +56,8 @@ def sample(
 ) -> Samples:
     """Cast rays of one camera through image points (N,) and on to the projector."""
     origin = device_centre(projection)
-    rays = np.linalg.inv(projection[:, :3]) @ np.stack([columns, rows, np.ones_like(columns)])
+    pixels = np.stack([columns, rows, np.ones_like(columns)])
+    rays = np.asarray(np.linalg.inv(projection[:, :3]) @ pixels, dtype=np.float64)
     t, surface = cast(surfaces, origin, rays)
     hit = np.isfinite(t)
     points = origin[:, None] + np.where(hit, t, 1.0) * rays

@@ -33,3 +33,12 @@ class HeadCapture:
     lit: npt.NDArray[np.bool_]
     rig: StereoRig
     pattern: FringePattern
+
+
+def stacked(frames: list[Grey]) -> Grey:
+    """One image as it is, several as (n, H, W)."""
+    if len(frames) == 1:
+        return frames[0]
+    if frames[0].dtype == np.uint8:
+        return np.asarray(frames, dtype=np.uint8)
+    return np.asarray(frames, dtype=np.uint16)

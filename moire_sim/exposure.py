@@ -54,5 +54,5 @@ def exposed(
     """
     noisy = image if noise <= 0.0 else image + noise * generator.standard_normal(image.shape, dtype=np.float32)
     if bits == 8:
-        return cv2.convertScaleAbs(np.maximum(noisy, 0.0))
+        return np.asarray(cv2.convertScaleAbs(np.maximum(noisy, 0.0)), dtype=np.uint8)
     return np.clip(noisy * 257.0 + 0.5, 0.0, 65535.0).astype(np.uint16)
