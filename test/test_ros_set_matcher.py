@@ -80,7 +80,8 @@ def test_a_lagging_stream_at_the_start_is_not_taken_for_a_jump() -> None:
     under_test.add("left", 1, "l")
     under_test.add("left", 2, "l")
     matched = under_test.add("state", 2, "s")
-    assert matched is not None and matched.stamp_ns == 2 and not matched.after_jump
+    assert matched is not None
+    assert (matched.stamp_ns, matched.after_jump) == (2, False)
     assert under_test.counts.jumps == 0
 
 
@@ -198,7 +199,8 @@ def test_random_loss_repetition_and_delay_account_for_every_set(seed: int) -> No
         queues[name].pop(0)
         handed += [one.stamp_ns] if one is not None else []
     counts = under_test.counts
-    assert handed == sorted(set(handed)) and set(handed) <= whole
+    assert handed == sorted(set(handed))
+    assert set(handed) <= whole
     assert len(handed) + counts.superseded == len(whole)
     assert counts.jumps == 0
     assert under_test.open_count <= 3 * 16

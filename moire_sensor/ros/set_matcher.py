@@ -13,7 +13,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class MatchedSet(Generic[Item]):
-    """One message of every stream, all carrying the stamp ``stamp_ns``; ``after_jump`` for the first of a new time."""
+    """One message of every stream, all of stamp ``stamp_ns``; ``after_jump`` for the first of a new time."""
 
     stamp_ns: int
     items: dict[str, Item]
@@ -24,8 +24,8 @@ class MatchedSet(Generic[Item]):
 class MatchCounts:
     """What became of the messages so far.
 
-    ``repeated`` counts messages that came twice or after their set was over; ``dropped`` counts incomplete sets by
-    the reason as a user reads it.
+    ``repeated`` counts messages that came twice or after their set was over; ``dropped`` counts incomplete
+    sets by the reason as a user reads it.
     """
 
     received: dict[str, int]
@@ -47,10 +47,11 @@ class _Pending(Generic[Item]):
 class SetMatcher(Generic[Item]):
     """Collect one item of every stream for each stamp.
 
-    A set older than one already handed out is complete too, but superseded. An incomplete set is given up when
-    ``patience`` newer sets have been completed, or when more than ``capacity`` sets are open. A stamp older than all
-    remembered ones (a looped bag, a seek, a reset clock) clears everything; so does a whole set that comes a second
-    time after a newer one (a loop shorter than the memory). Other messages of a set that is over are only counted.
+    A set older than one already handed out is complete too, but superseded. An incomplete set is given up
+    when ``patience`` newer sets have been completed, or when more than ``capacity`` sets are open. A stamp
+    older than all remembered ones (a looped bag, a seek, a reset clock) clears everything; so does a whole
+    set that comes a second time after a newer one (a loop shorter than the memory). Other messages of a set
+    that is over are only counted.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class SetMatcher(Generic[Item]):
 
     def __init__(self, streams: tuple[str, ...], capacity: int = 8, patience: int = 2) -> None:
         if capacity < 2 or patience < 1:
-            raise SettingsError(f"capacity is {capacity} and patience {patience}; at least 2 and 1 are needed")
+            raise SettingsError(f"capacity is {capacity}, patience {patience}; at least 2 and 1 are needed")
         self.streams = streams
         self._capacity, self._patience = capacity, patience
         self._received: Counter[str] = Counter(dict.fromkeys(streams, 0))
@@ -82,7 +83,12 @@ class SetMatcher(Generic[Item]):
     def counts(self) -> MatchCounts:
         """A snapshot of the counters."""
         return MatchCounts(
-            dict(self._received), self._matched, self._superseded, self._repeated, self._jumps, dict(self._dropped)
+            dict(self._received),
+            self._matched,
+            self._superseded,
+            self._repeated,
+            self._jumps,
+            dict(self._dropped),
         )
 
     @property
@@ -98,7 +104,7 @@ class SetMatcher(Generic[Item]):
         self._forget()
 
     def add(self, stream: str, stamp_ns: int, item: Item) -> MatchedSet[Item] | None:
-        """Take one message; return its set when that makes it whole and no newer set was handed out before."""
+        """Take one message; return its set when that makes it whole and none newer was handed out."""
         self._received[stream] += 1
         if stamp_ns in self._open:
             return self._fill(stream, stamp_ns, item)
@@ -113,7 +119,7 @@ class SetMatcher(Generic[Item]):
         return matched
 
     def _jumped_back(self, stream: str, stamp_ns: int) -> bool:
-        """Tell whether this very stream went back behind everything remembered; one that only lags does not count."""
+        """Tell whether this very stream, not one that only lags, went behind everything remembered."""
         newest_ns = self._newest_of.get(stream)
         return newest_ns is not None and stamp_ns < newest_ns and stamp_ns < min(self._seen)
 
