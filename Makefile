@@ -1,0 +1,22 @@
+# The commands of the README. PYTHON=python3.12 make setup selects another interpreter.
+PYTHON ?=
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: setup demo test check
+
+setup:
+	@python="$(or $(PYTHON),python3)"; \
+	command -v "$$python" >/dev/null || { \
+	  echo "set-up: no '$$python' on the PATH; install Python 3.11 to 3.13 or name one with PYTHON=..." >&2; exit 1; }; \
+	"$$python" tools/setup_env.py $(if $(PYTHON),--selected)
+
+demo: setup
+	@$(BIN)/python -m tools.demo.run $(if $(CAPTURE),--capture "$(CAPTURE)")
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+test: check
+	$(BIN)/pytest

@@ -1,0 +1,57 @@
+"""Installs moire_sensor for pip and for colcon (ament_python)."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = "moire_sensor"
+# package.xml names the same libraries by their rosdep keys; test/test_package.py compares the two.
+INSTALL_REQUIRES = [
+    "numba",
+    "numpy>=1.26",
+    "opencv-python-headless",
+    # The official wheels end with CPython 3.11; the maintained fork has 3.12 and 3.13.
+    'pybullet; python_version < "3.12"',
+    'pybullet-arm64; python_version >= "3.12"',
+    "PyYAML",
+    "rosbags>=0.11",
+]
+DEV_REQUIRES = [
+    "colcon-core",
+    "colcon-ros",
+    "hypothesis",
+    "matplotlib",
+    "mypy",
+    "pytest",
+    "ruff",
+    "tqdm",
+    "types-PyYAML",
+]
+DATA_FOLDERS = ("config", "launch", "rviz", "urdf")
+EXECUTABLES = [
+    "virtual_head = moire_sim.virtual_head_node:main",
+    "reconstruction = moire_sensor.ros.reconstruction_node:main",
+    "capture_player = moire_sensor.ros.capture_player_node:main",
+    "record_bag = moire_sensor.ros.bag_recorder:main",
+]
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=["moire_sensor", "moire_sensor.*", "moire_sim", "moire_sim.*"]),
+    package_data={"moire_sensor": ["py.typed"], "moire_sim": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        *((f"share/{PACKAGE}/{folder}", glob(f"{folder}/*.*")) for folder in DATA_FOLDERS),
+    ],
+    python_requires=">=3.11,<3.14",
+    install_requires=INSTALL_REQUIRES,
+    extras_require={"dev": DEV_REQUIRES},
+    zip_safe=False,
+    maintainer="moire_sensor maintainers",
+    maintainer_email="maintainers@example.org",
+    description="Open fringe-projection 3D sensor for robots: depth from one stereo pair under projected fringes.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": EXECUTABLES},
+)

@@ -1,0 +1,1 @@
+"""Set-up and demo scripts; not installed."""
