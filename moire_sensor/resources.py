@@ -25,6 +25,6 @@ def resource_path(name: str) -> Path:
         if (folder / "package.xml").is_file() and (folder / name).is_file():
             return folder / name
     raise MoireError(
-        f"the file {name} of {PACKAGE} was not found in the checkout or under share/{PACKAGE} beside {Path(__file__).parent}; "
-        "install the package again with make setup or colcon build"
+        f"the file {name} of {PACKAGE} was found neither in a checkout nor under share/{PACKAGE} around "
+        f"{Path(__file__).parent}; install the package again with make setup or colcon build"
     )

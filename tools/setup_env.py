@@ -87,7 +87,7 @@ def find_ros() -> str:
         return "wheels"
     if distro != ROS_DISTRO:
         raise SetupError(
-            f"ROS 2 {distro} is sourced, but this package needs {ROS_DISTRO}; source that, or use a terminal without ROS"
+            f"ROS 2 {distro} is sourced, but {ROS_DISTRO} is needed; source that, or use a terminal without ROS"
         )
     if subprocess.run([sys.executable, "-c", "import rclpy"], stderr=subprocess.DEVNULL).returncode:
         raise SetupError(
