@@ -73,8 +73,10 @@ def read_stamp() -> Optional[Stamp]:
 
 
 def fingerprint() -> str:
-    """Digest of the files that decide what is installed; code is installed editable and does not count."""
+    """Digest of what decides the installation; code is installed editable, so only the list of packages counts."""
     digest = hashlib.sha256()
+    packages = sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("moire_*/**/__init__.py"))
+    digest.update("\0".join(packages).encode())
     for name in PACKAGE_FILES:
         digest.update((ROOT / name).read_bytes() + b"\0")
     return digest.hexdigest()
