@@ -1,0 +1,56 @@
+"""``sensor_msgs/CameraInfo`` of a rectified rig."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
+
+from moire_sensor.rig import StereoRig
+
+Matrix = npt.NDArray[np.float64]
+FRAMES = {
+    "left": "head_left_optical_frame",
+    "right": "head_right_optical_frame",
+    "projector": "head_projector_optical_frame",
+}
+# Number of coefficients of the lens models that sensor_msgs names.
+LENS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
+
+
+def camera_infos(rig: StereoRig, header: Header, projector_size: tuple[int, int]) -> dict[str, CameraInfo]:
+    """Return the infos of a rectified rig, keyed ``left``, ``right`` and ``projector``, with the header's stamp.
+
+    The cameras need no rectification: D is zero, R the identity, and K the left part of P. The right P[3] is
+    -fx times the baseline; the projector's P is the whole map from the left optical frame to its device pixels.
+
+    ``projector_size`` : (width, height) of the projector's device in pixels.
+    """
+    left = camera_info(header, FRAMES["left"], rig.image_size, rig.P_left, rig.P_left[:, :3])
+    right = camera_info(header, FRAMES["right"], rig.image_size, rig.P_right, rig.P_right[:, :3])
+    projector = camera_info(
+        header, FRAMES["projector"], projector_size, rig.P_projector, rig.projector_matrix, rig.projector_distortion
+    )
+    return {"left": left, "right": right, "projector": projector}
+
+
+def camera_info(
+    header: Header,
+    frame: str,
+    size: tuple[int, int],
+    P: Matrix,
+    K: Matrix,
+    distortion: tuple[float, ...] = (),
+) -> CameraInfo:
+    """Return the info of one device with R the identity; ``frame`` replaces the header's frame."""
+    lens_size = min(count for count in LENS_MODELS if count >= len(distortion))
+    lens = [float(value) for value in distortion] + [0.0] * (lens_size - len(distortion))
+    message = CameraInfo(header=Header(stamp=header.stamp, frame_id=frame))
+    message.width, message.height = size
+    message.distortion_model = LENS_MODELS[lens_size]
+    message.d = lens
+    message.k = np.ravel(K).tolist()
+    message.r = np.eye(3).ravel().tolist()
+    message.p = np.ravel(P).tolist()
+    return message

@@ -1,0 +1,101 @@
+"""How each executable of this package starts, and ends: 0 on SIGINT and SIGTERM, one line and 1 on an error."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos_overriding_options import InvalidQosOverridesError
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from moire_sensor.errors import MoireError, SettingsError
+from moire_sensor.resources import resource_path
+
+PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# The middleware waits in C, where a Python signal handler cannot run: look up this often.
+WAKE_UP_S = 0.1
+# What a user can cause with --ros-args; rclpy has no common class for them.
+USER_ERRORS = (MoireError, ParameterException, NameValidationException, InvalidQosOverridesError)
+
+
+def use_large_message_profile() -> None:
+    """Point Fast DDS to the profile of this package unless the user chose one; call it before ``rclpy.init``."""
+    if not any(os.environ.get(name) for name in PROFILE_VARIABLES):
+        os.environ[PROFILE_VARIABLES[0]] = str(resource_path("config/fastdds.xml"))
+
+
+def run_node(make_node: Callable[[], Any], usage: str) -> int:
+    """Make a node, spin it until a signal comes or its work is done, and return the exit code.
+
+    ``usage`` is printed for --help. A node may have ``finished()``, asked after each callback, and ``close()``,
+    called at the end. An error that a user can cause is printed as one line and gives 1.
+    """
+    if {"-h", "--help"} & set(remove_ros_args(sys.argv)[1:]):
+        print(usage.strip())
+        return 0
+    stop = _Stop()
+    node = None
+    try:
+        initialise(sys.argv)
+        node = make_node()
+        stop.raises = False
+        _spin(node, stop)
+    except KeyboardInterrupt:
+        return 0
+    except USER_ERRORS as error:
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 1
+    finally:
+        stop.raises = False
+        if node is not None:
+            getattr(node, "close", bool)()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def initialise(arguments: list[str]) -> None:
+    """Initialise rclpy with this package's DDS profile; raises SettingsError for arguments it does not know."""
+    use_large_message_profile()
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise SettingsError(f"bad --ros-args {' '.join(arguments[1:])!r}: {error}") from error
+    unknown = remove_ros_args(arguments)[1:]
+    if unknown:
+        raise SettingsError(
+            f"unknown argument {' '.join(unknown)!r}; give parameters as --ros-args -p name:=value, or --help"
+        )
+
+
+class _Stop:
+    """Both signals: during the start they end what is under way, later they end the spinning."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.raises = True
+        for number in SIGNALS:
+            signal.signal(number, self)
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+        if self.raises:
+            raise KeyboardInterrupt
+
+
+def _spin(node: Any, stop: _Stop) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    finished = getattr(node, "finished", bool)
+    while not (stop.asked or finished()):
+        executor.spin_once(timeout_sec=WAKE_UP_S)
+    executor.remove_node(node)

@@ -1,0 +1,80 @@
+"""The frames of a phase-shift programme that are decoded together; no ROS needed."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
+
+from moire_sensor.pattern import FringePattern
+from moire_sensor.ros.projector_state import ProjectorState
+
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True)
+class Frame(Generic[Item]):
+    """One exposure: its stamp, what the projector showed, and its images."""
+
+    stamp_ns: int
+    state: ProjectorState
+    item: Item
+
+
+def needed_frames(step_count: int) -> int:
+    """Return the frames of one motion-compensated result: steps + 1, made odd so that one is in the middle."""
+    return 1 if step_count == 1 else step_count + 1 + step_count % 2
+
+
+class FrameRing(Generic[Item]):
+    """Keep the last consecutive frames of one programme; a gap, a repeat or a new pattern starts anew."""
+
+    def __init__(self) -> None:
+        self._frames: deque[Frame[Item]] = deque()
+
+    def clear(self) -> None:
+        """Forget all frames (stamps jumped back)."""
+        self._frames.clear()
+
+    def add(self, frame: Frame[Item]) -> tuple[Frame[Item], ...] | None:
+        """Take the next frame; return the newest frames once there are as many as one result needs."""
+        if self._frames and not self._continues(frame):
+            self._frames.clear()
+        self._frames.append(frame)
+        needed = needed_frames(frame.state.step_count)
+        while len(self._frames) > needed:
+            self._frames.popleft()
+        return tuple(self._frames) if len(self._frames) == needed else None
+
+    def _continues(self, frame: Frame[Item]) -> bool:
+        """Tell whether a frame follows the last one in the same programme, with none lost between."""
+        last, state = self._frames[-1], frame.state
+        next_step = (last.state.step_index + 1) % last.state.step_count
+        same_programme = replace(
+            state, fringe_phase_rad=last.state.fringe_phase_rad, step_index=last.state.step_index
+        ) == last.state
+        if not same_programme or state.step_index != next_step or frame.stamp_ns <= last.stamp_ns:
+            return False
+        if any(old.state.step_index == state.step_index and old.state != state for old in self._frames):
+            return False
+        return not self._programme_was_lost(frame)
+
+    def _programme_was_lost(self, frame: Frame[Item]) -> bool:
+        """Tell whether a whole programme may be missing: the step fits but the pause is as long as that."""
+        if len(self._frames) < 2:
+            return False
+        stamps = [old.stamp_ns for old in self._frames]
+        shortest = min(late - early for early, late in zip(stamps, stamps[1:], strict=False))
+        return frame.stamp_ns - stamps[-1] > max(2, frame.state.step_count) * shortest
+
+
+def pattern_of(states: tuple[ProjectorState, ...]) -> FringePattern:
+    """Return the programme's pattern from the states of consecutive frames that show each step at least once.
+
+    A single frame gives the pattern of that exposure alone. Steps are relative to step 0, whose phase is the pattern's.
+    """
+    if len(states) == 1:
+        return states[0].pattern()
+    phases = {state.step_index: state.fringe_phase_rad for state in states}
+    steps = tuple(phases[index] - phases[0] for index in range(states[0].step_count))
+    return FringePattern(states[0].fringe_period_px, phases[0], steps, states[0].waveform)

@@ -1,0 +1,74 @@
+"""``sensor_msgs/Image`` to and from arrays."""
+
+from __future__ import annotations
+
+import sys
+from array import array
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+
+from moire_sensor.errors import ImageError
+
+GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+GREY_TYPES: dict[str, np.dtype[Any]] = {"mono8": np.dtype(np.uint8), "mono16": np.dtype(np.uint16)}
+# The encodings that this package publishes, by the array's type.
+ENCODINGS = {"f4": "32FC1", "u1": "8UC1", "u2": "16UC1", "i2": "16SC1"}
+# Larger images than any camera we know gives are taken for a damaged message.
+MAX_SIDE_PX = 16384
+
+
+def byte_array(values: npt.NDArray[Any]) -> array[int]:
+    """Return the bytes of an array in the one form that a message takes without a slow check of each element."""
+    data = array("B")
+    data.frombytes(np.ascontiguousarray(values).data.cast("B") if values.size else b"")
+    return data
+
+
+def image_message(header: Header, values: npt.NDArray[Any], encoding: str = "") -> Image:
+    """Return a message of an image (H, W) of float32, uint8, uint16 or int16; the encoding follows from the type.
+
+    ``encoding`` overrides the name, for example ``"mono8"`` for an intensity image.
+    """
+    message = Image(header=header, encoding=encoding or ENCODINGS[values.dtype.str[1:]])
+    message.height, message.width = values.shape
+    message.step = values.shape[1] * values.dtype.itemsize
+    message.is_bigendian = int(sys.byteorder == "big")
+    message.data = byte_array(values)
+    return message
+
+
+def grey_image(name: str, message: Image) -> GreyImage:
+    """Return the pixels (H, W) of a mono8 or mono16 message; row padding and byte order are honoured.
+
+    ``name`` says whose image it is. The array may share the message's memory.
+
+    Raises
+    ------
+    ImageError
+        Another encoding, a size of zero or beyond reason, a step too short, or data of another length.
+    """
+    pixel = GREY_TYPES.get(message.encoding)
+    if pixel is None:
+        raise ImageError(
+            f"the {name} image has encoding {message.encoding!r}; allowed are mono8 and mono16: set the camera to one"
+        )
+    height, width, step = message.height, message.width, message.step
+    if not (1 <= height <= MAX_SIDE_PX and 1 <= width <= MAX_SIDE_PX):
+        raise ImageError(f"the {name} image is {width}x{height} pixels; each side must be 1 to {MAX_SIDE_PX}")
+    if step < width * pixel.itemsize or step % pixel.itemsize:
+        raise ImageError(
+            f"the {name} image has step {step}; {width} pixels of {message.encoding} need a multiple of "
+            f"{pixel.itemsize} of at least {width * pixel.itemsize} bytes"
+        )
+    if len(message.data) != step * height:
+        raise ImageError(
+            f"the {name} image has {len(message.data)} bytes of data; step {step} times height {height} is "
+            f"{step * height}: the message is truncated or damaged"
+        )
+    sent = pixel.newbyteorder(">" if message.is_bigendian else "<")
+    rows = np.frombuffer(message.data, dtype=sent).reshape(height, -1)[:, :width]
+    return rows.astype(pixel, copy=False)

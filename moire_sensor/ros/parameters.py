@@ -1,0 +1,107 @@
+"""ROS parameters declared from one table, each with unit, range and description."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.parameter import Parameter
+
+from moire_sensor.errors import SettingsError
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One parameter: its default tells its type; ``low`` to ``high`` or ``choices`` what is allowed."""
+
+    name: str
+    default: Value
+    text: str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+
+    def check(self, value: Any) -> Value:
+        """Return the value in the parameter's type, or raise SettingsError naming what is allowed."""
+        wanted = type(self.default)
+        if wanted is float and type(value) is int:
+            value = float(value)
+        if type(value) is not wanted or (wanted is float and not math.isfinite(value)):
+            raise SettingsError(f"parameter {self.name} is {value!r}; it must be {self.allowed()} ({self.text})")
+        if self.choices and value not in self.choices:
+            raise SettingsError(f"parameter {self.name} is {value!r}; allowed are {', '.join(self.choices)}")
+        if self.low is not None and self.high is not None and not self.low <= value <= self.high:
+            raise SettingsError(f"parameter {self.name} is {value}; it must be {self.allowed()} ({self.text})")
+        checked: Value = value
+        return checked
+
+    def allowed(self) -> str:
+        """Return type and range in words."""
+        kind = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}[type(self.default)]
+        return kind if self.low is None else f"{kind} from {self.low:g} to {self.high:g}"
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Return the descriptor for ``declare_parameter``."""
+        text = self.text + (f"; one of {', '.join(self.choices)}" if self.choices else "")
+        message = ParameterDescriptor(name=self.name, description=text, read_only=self.read_only)
+        if self.low is not None and isinstance(self.default, float):
+            message.floating_point_range = [FloatingPointRange(from_value=self.low, to_value=self.high)]
+        elif self.low is not None:
+            message.integer_range = [IntegerRange(from_value=int(self.low), to_value=int(self.high or 0), step=1)]
+        return message
+
+
+def specs_of(settings_type: type) -> tuple[ParameterSpec, ...]:
+    """Return a parameter for each field of one of the core's settings, whose metadata hold range and text."""
+    return tuple(
+        ParameterSpec(item.name, item.default, item.metadata["text"], item.metadata["low"], item.metadata["high"])
+        for item in fields(settings_type)
+    )
+
+
+def declare(node: Any, specs: Sequence[ParameterSpec]) -> dict[str, Any]:
+    """Declare all parameters and return their values; a whole number is accepted for a float.
+
+    Raises
+    ------
+    SettingsError
+        A value of a wrong type or outside its range.
+    """
+    overrides: dict[str, Parameter] = node._parameter_overrides
+    values: dict[str, Any] = {}
+    for spec in specs:
+        if spec.name in overrides:
+            value = spec.check(overrides[spec.name].value)
+            overrides[spec.name] = Parameter(spec.name, value=value)
+        try:
+            values[spec.name] = node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
+        except InvalidParameterTypeException as error:
+            raise SettingsError(f"parameter {spec.name} must be {spec.allowed()} ({spec.text})") from error
+    return values
+
+
+def refuse_unknown(node: Any) -> None:
+    """Raise SettingsError if a value was given for a parameter that the node does not have; call it last."""
+    for name in node._parameter_overrides:
+        if not node.has_parameter(name):
+            known = sorted(known for known in node._parameters if not known.startswith("qos_overrides."))
+            near = difflib.get_close_matches(name, node._parameters, n=1)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise SettingsError(f"unknown parameter {name}; {hint}the parameters are {', '.join(known)}")
+
+
+def changed_values(
+    specs: Sequence[ParameterSpec], current: Mapping[str, Any], parameters: Sequence[Any]
+) -> dict[str, Any]:
+    """Return ``current`` with the changes that a set_parameters call asks for; raises SettingsError."""
+    by_name = {spec.name: spec for spec in specs}
+    changes = {one.name: by_name[one.name].check(one.value) for one in parameters if one.name in by_name}
+    return {**current, **changes}
