@@ -78,5 +78,5 @@ class FringePattern:
 
     def order_at(self, column_px: npt.ArrayLike) -> npt.NDArray[np.int16]:
         """Fringe order ``floor(u / period_px + phase_rad / 2 pi + 1/2)`` of device columns (any shape)."""
-        turns = self.phase_at(column_px) - self.step_phases_rad[0]
-        return np.floor(turns / (2.0 * np.pi) + 0.5).astype(np.int16)
+        turns = np.asarray(column_px, dtype=np.float64) / self.period_px + self.phase_rad / (2.0 * np.pi)
+        return np.floor(turns + 0.5).astype(np.int16)

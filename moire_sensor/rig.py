@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.errors import RigError
+
+if TYPE_CHECKING:
+    from moire_sensor.camera_info import CameraInfoSource
 
 Array = npt.NDArray[np.float64]
 # Half the sub-pixel floor of a fringe edge: rows or columns that disagree by more than this bias the phase match.
@@ -27,6 +32,7 @@ class StereoRig:
     P_left, P_right, P_projector : (3, 4) float64, left optical frame in metres to pixels.
     image_size : (width, height) of both camera images.
     projector_distortion : lens coefficients of the projector in OpenCV order, empty for none.
+    projector_matrix : (3, 3) float64, intrinsic matrix K that the lens coefficients refer to.
     """
 
     P_left: Array
@@ -34,6 +40,7 @@ class StereoRig:
     P_projector: Array
     image_size: tuple[int, int]
     projector_distortion: tuple[float, ...] = ()
+    projector_matrix: Array = field(default_factory=lambda: np.eye(3))
 
     @classmethod
     def from_projections(
@@ -42,9 +49,13 @@ class StereoRig:
         P_right: npt.ArrayLike,
         P_projector: npt.ArrayLike,
         image_size: tuple[int, int],
-        projector_distortion: tuple[float, ...] = (),
+        projector_distortion: Sequence[float] = (),
+        projector_matrix: npt.ArrayLike | None = None,
     ) -> StereoRig:
         """Build a rig from three (3, 4) projection matrices given in any one metric frame.
+
+        The lens of the projector, if any, is ``device = K distort(K^-1 P X)`` with ``projector_matrix`` as K; left
+        out, K is taken from ``P_projector``.
 
         Raises
         ------
@@ -55,10 +66,25 @@ class StereoRig:
         width, height = check_image_size(image_size)
         matrices = [as_projection(*named) for named in (("P_left", P_left), ("P_right", P_right),
                                                         ("P_projector", P_projector))]
-        left_from_world, world_from_left = split_left_pose(matrices[0])
+        world_from_left = left_pose(matrices[0])
         in_left = [scaled(matrix @ world_from_left) for matrix in matrices]
         check_rectified(in_left[0], in_left[1], width, height)
-        return cls(*in_left, (width, height), tuple(float(value) for value in projector_distortion))
+        intrinsic = intrinsic_matrix(in_left[2]) if projector_matrix is None else np.asarray(projector_matrix, float)
+        lens = tuple(float(value) for value in projector_distortion)
+        return cls(*in_left, (width, height), lens if any(lens) else (), intrinsic)
+
+    @classmethod
+    def from_camera_info(cls, left: CameraInfoSource, right: CameraInfoSource, projector: CameraInfoSource) -> StereoRig:
+        """Build the rectified rig that three ``sensor_msgs/CameraInfo`` messages, or their YAML files, describe.
+
+        Raises
+        ------
+        RigError
+            An info that is missing, malformed or uncalibrated, or a pair whose P matrices are not rectified.
+        """
+        from moire_sensor.camera_info import rig_from_camera_info
+
+        return rig_from_camera_info(left, right, projector)
 
     @cached_property
     def fx_px(self) -> float:
@@ -122,22 +148,9 @@ class StereoRig:
         points = np.asarray(points_m, dtype=np.float64)
         device = points @ self.P_projector[:, :3].T + self.P_projector[:, 3]
         pixels = device[..., :2] / device[..., 2:]
-        return self.distort(pixels) if any(self.projector_distortion) else np.asarray(pixels)
-
-    @cached_property
-    def projector_matrix(self) -> Array:
-        """Intrinsic matrix K (3, 3) of the projector."""
-        return np.asarray(cv2.decomposeProjectionMatrix(self.P_projector)[0], dtype=np.float64)
-
-    def distort(self, pixels: Array) -> Array:
-        """Apply the projector's lens to ideal pixels (..., 2)."""
-        intrinsic = self.projector_matrix / self.projector_matrix[2, 2]
-        flat = np.concatenate([pixels.reshape(-1, 2), np.ones((pixels.size // 2, 1))], axis=1)
-        normal = flat @ np.linalg.inv(intrinsic).T
-        bent, _ = cv2.projectPoints(
-            normal, np.zeros(3), np.zeros(3), intrinsic, np.array(self.projector_distortion, dtype=np.float64)
-        )
-        return np.asarray(bent, dtype=np.float64).reshape(pixels.shape)
+        if not self.projector_distortion:
+            return np.asarray(pixels)
+        return distort_pixels(pixels, self.projector_matrix, self.projector_distortion)
 
 
 def check_image_size(image_size: tuple[int, int]) -> tuple[int, int]:
@@ -160,14 +173,13 @@ def as_projection(name: str, matrix: npt.ArrayLike) -> Array:
     return values
 
 
-def split_left_pose(P_left: Array) -> tuple[Array, Array]:
-    """Return left-from-world and world-from-left, (4, 4), of a projection matrix."""
+def left_pose(P_left: Array) -> Array:
+    """Pose world-from-left, (4, 4), of a projection matrix."""
     _, rotation, centre, *_ = cv2.decomposeProjectionMatrix(P_left)
-    centre_m = (centre[:3] / centre[3]).ravel()
-    world_from_left = np.eye(4)
-    world_from_left[:3, :3] = rotation.T
-    world_from_left[:3, 3] = centre_m
-    return np.linalg.inv(world_from_left), world_from_left
+    pose = np.eye(4)
+    pose[:3, :3] = rotation.T
+    pose[:3, 3] = (centre[:3] / centre[3]).ravel()
+    return pose
 
 
 def scaled(projection: Array) -> Array:
@@ -177,11 +189,27 @@ def scaled(projection: Array) -> Array:
     return np.asarray(projection * (sign / norm))
 
 
+def intrinsic_matrix(projection: Array) -> Array:
+    """Intrinsic matrix K (3, 3) of a projection, scaled to K[2, 2] = 1."""
+    intrinsic = np.asarray(cv2.decomposeProjectionMatrix(projection)[0], dtype=np.float64)
+    return intrinsic / intrinsic[2, 2]
+
+
+def distort_pixels(pixels: Array, intrinsic: Array, distortion: Sequence[float]) -> Array:
+    """Bend ideal pixels (..., 2) by a lens: ``K distort(K^-1 x)`` with OpenCV's coefficients."""
+    flat = np.concatenate([pixels.reshape(-1, 2), np.ones((pixels.size // 2, 1))], axis=1)
+    normal = flat @ np.linalg.inv(intrinsic).T
+    lens = np.asarray(distortion, dtype=np.float64)
+    bent = cv2.projectPoints(normal[:, None, :], np.zeros(3), np.zeros(3), np.eye(3), lens)[0].reshape(-1, 2)
+    device = bent @ intrinsic[:2, :2].T + intrinsic[:2, 2]
+    return np.asarray(device, dtype=np.float64).reshape(pixels.shape)
+
+
 def check_rectified(P_left: Array, P_right: Array, width: int, height: int) -> None:
     """Raise RigError unless rows agree and disparity depends on depth alone, over the whole image."""
     corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=np.float64)
     rays = np.concatenate([corners, np.ones((4, 1))], axis=1) @ np.linalg.inv(P_left[:, :3]).T
-    parallax = []
+    parallax: list[Array] = []
     row_error_px = 0.0
     for depth_m in (0.3, 1.0, 1e6):
         points = np.concatenate([rays * depth_m, np.ones((4, 1))], axis=1)

@@ -1,0 +1,104 @@
+"""Disparity of the chosen order, measured by all three views as the rig's geometry and the noise favour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit, prange
+
+from moire_sensor.angles import wrap
+from moire_sensor.order_cost import OrderRange, disparity_of_phase, right_phase
+from moire_sensor.phase_carrier import Carrier, Float32
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.projector_map import ProjectorMap
+
+ITERATIONS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """Disparity of every left pixel, arrays (H, W) float32, NaN where there is none.
+
+    Attributes
+    ----------
+    disparity_px, sigma_px : refined disparity and its predicted standard deviation.
+    mismatch_rad : left minus right phase where the left phase and the projector alone place the point.
+    """
+
+    disparity_px: Float32
+    sigma_px: Float32
+    mismatch_rad: Float32
+
+
+def refine(
+    label: npt.NDArray[np.int8],
+    phases: tuple[PhaseImage, PhaseImage],
+    carriers: tuple[Carrier, Carrier],
+    projector: ProjectorMap,
+    orders: OrderRange,
+    systematic_rad: float,
+) -> Match:
+    """Generalised least squares of both phases against the projector's, errors common to both cameras included.
+
+    With the covariance [[sL^2 + g^2, g^2], [g^2, sR^2 + g^2]] a rig whose projector stands between the cameras measures
+    left against right, where the common error g cancels; one whose projector stands far outside measures against it.
+    """
+    shape = label.shape
+    result = np.full((3, *shape), np.nan, dtype=np.float32)
+    left, right = phases
+    solve_disparity(
+        label, orders.first, left.offset_rad, right.offset_rad, left.sigma_rad, right.sigma_rad,
+        carriers[0].phase_rad, carriers[1].phase_rad, projector.packed(), systematic_rad, result,
+    )  # fmt: skip
+    return Match(result[0], result[1], result[2])
+
+
+@njit(inline="always", fastmath=False)
+def phase_of_disparity(map_, x, y, disparity):  # type: ignore[no-untyped-def]
+    """Absolute projector phase at left pixel (x, y) and disparity, and its derivative with disparity."""
+    above = map_[0] + map_[1] * x + map_[2] * y + map_[3] * disparity
+    below = map_[4] + map_[5] * x + map_[6] * y + map_[7] * disparity
+    column = above / below
+    return map_[8] * column + map_[9], map_[8] * (map_[3] - column * map_[7]) / below
+
+
+@njit(parallel=True, cache=True)
+def solve_disparity(label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, common, result):  # type: ignore[no-untyped-def]
+    """Fill ``result`` (3, H, W): disparity, sigma, mismatch."""
+    height, width = label.shape
+    for y in prange(height):
+        for x in range(width):
+            if label[y, x] < 0:
+                continue
+            phase = left_rad[y, x] + left[y, x] + 2.0 * np.pi * (first + label[y, x])
+            disparity = disparity_of_phase(map_, x, y, phase)
+            column = x - disparity
+            if column < -0.5 or column > width - 0.5:
+                continue
+            seen, _ = right_phase(right, right_rad, y, column)
+            if np.isnan(seen):
+                continue
+            result[2, y, x] = abs(wrap(np.float32(phase - seen)))
+            at = min(max(int(column + 0.5), 0), width - 1)
+            g2 = common * common
+            v1 = left_sigma[y, x] ** 2 + 1e-10
+            v2 = right_sigma[y, at] ** 2 + 1e-10
+            information = 0.0
+            for _ in range(ITERATIONS):
+                expected, slope1 = phase_of_disparity(map_, x, y, disparity)
+                seen, along = right_phase(right, right_rad, y, x - disparity)
+                if np.isnan(seen):
+                    break
+                slope2 = slope1 + along
+                r1 = phase - expected
+                r2 = wrap(np.float32(seen - expected))
+                determinant = (v1 + g2) * (v2 + g2) - g2 * g2
+                w11, w22, w12 = (v2 + g2) / determinant, (v1 + g2) / determinant, -g2 / determinant
+                information = w11 * slope1 * slope1 + w22 * slope2 * slope2 + 2.0 * w12 * slope1 * slope2
+                pull = slope1 * (w11 * r1 + w12 * r2) + slope2 * (w12 * r1 + w22 * r2)
+                disparity += pull / information
+            if not np.isnan(seen):
+                result[0, y, x] = disparity
+                result[1, y, x] = 1.0 / np.sqrt(information)

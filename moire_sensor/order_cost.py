@@ -1,0 +1,116 @@
+"""Candidate fringe orders of every left pixel and how well the right camera agrees with each.
+
+A pixel's phase fixes its depth up to a whole number of periods (equation 7). Each order in the depth range is one
+candidate (equation 11); projected into the other camera (equation 12) it must meet the same phase there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit, prange
+
+from moire_sensor.angles import wrap
+from moire_sensor.phase_carrier import Carrier, Float32
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.projector_map import ProjectorMap
+
+# A mismatch of 90 degrees is as bad as any: orders that are off land 34 to 163 degrees away in the paper's rig.
+FULL_MISMATCH_RAD = np.float32(np.pi / 2.0)
+UNSEEN_COST = np.float32(0.6)
+BLOCKED_COST = np.float32(3.0)
+RANGE_MARGIN_PX = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class OrderRange:
+    """Orders relative to the carrier that the depth range admits: absolute offset = offset + 2 pi (first + label).
+
+    Attributes
+    ----------
+    first, count : the first relative order and the number of labels.
+    min_disparity_px, max_disparity_px : the depth range as disparities.
+    """
+
+    first: int
+    count: int
+    min_disparity_px: float
+    max_disparity_px: float
+
+    @classmethod
+    def build(cls, projector: ProjectorMap, carrier: Carrier, disparities_px: tuple[float, float]) -> OrderRange:
+        """Orders between two disparities over the whole image."""
+        height, width = carrier.phase_rad.shape
+        columns, rows = np.meshgrid(np.linspace(0, width - 1, 17), np.linspace(0, height - 1, 13))
+        reference = projector.phase_rad_at(columns, rows, 0.5 * (disparities_px[0] + disparities_px[1]))
+        ends = [projector.phase_rad_at(columns, rows, disparity) - reference for disparity in disparities_px]
+        turns = np.stack(ends) / (2.0 * np.pi)
+        first, last = int(np.floor(turns.min() + 0.5)), int(np.ceil(turns.max() - 0.5))
+        return cls(first, last - first + 1, min(disparities_px), max(disparities_px))
+
+
+def order_costs(
+    left: PhaseImage, right: PhaseImage, carriers: tuple[Carrier, Carrier], projector: ProjectorMap, orders: OrderRange
+) -> Float32:
+    """Cost 0..1 of every candidate order, (H, W, labels) float32; 3 outside the depth range, 0 where phase is unknown."""
+    cost = np.empty((*left.offset_rad.shape, orders.count), dtype=np.float32)
+    limits = (orders.min_disparity_px - RANGE_MARGIN_PX, orders.max_disparity_px + RANGE_MARGIN_PX)
+    fill_costs(
+        left.offset_rad, right.offset_rad, left.amplitude, right.amplitude, carriers[0].phase_rad,
+        carriers[1].phase_rad, projector.packed(), orders.first, limits[0], limits[1], cost,
+    )  # fmt: skip
+    return cost
+
+
+@njit(inline="always", fastmath=False)
+def disparity_of_phase(map_, x, y, phase):  # type: ignore[no-untyped-def]
+    """Disparity at which left pixel (x, y) shows an absolute phase: the inverse of ProjectorMap."""
+    column = (phase - map_[9]) / map_[8]
+    above = map_[0] + map_[1] * x + map_[2] * y
+    below = map_[4] + map_[5] * x + map_[6] * y
+    return (column * below - above) / (map_[3] - column * map_[7])
+
+
+@njit(inline="always", fastmath=False)
+def right_phase(offset, carrier_rad, y, column):  # type: ignore[no-untyped-def]
+    """Absolute right phase at a fractional column and its slope; nearest pixel across an edge; NaN where unknown."""
+    left = min(max(int(np.floor(column)), 0), offset.shape[1] - 2)
+    part = np.float32(column - left)
+    carrier_step = carrier_rad[y, left + 1] - carrier_rad[y, left]
+    carrier = carrier_rad[y, left] + part * carrier_step
+    near, far = offset[y, left], offset[y, left + 1]
+    step = wrap(far - near)
+    if np.isnan(step) or abs(step) > np.float32(0.5):
+        return carrier + (near if part < np.float32(0.5) else far), carrier_step
+    return carrier + near + part * step, carrier_step + step
+
+
+@njit(parallel=True, cache=True)
+def fill_costs(left, right, left_b, right_b, left_rad, right_rad, map_, first, low, high, cost):  # type: ignore[no-untyped-def]
+    """Fill ``cost`` (H, W, labels)."""
+    height, width, labels = cost.shape
+    for y in prange(height):
+        for x in range(width):
+            offset = left[y, x]
+            if np.isnan(offset):
+                cost[y, x, :] = np.float32(0.0)
+                continue
+            base = left_rad[y, x] + offset
+            for label in range(labels):
+                phase = base + np.float32(2.0 * np.pi) * np.float32(first + label)
+                disparity = disparity_of_phase(map_, x, y, phase)
+                if not (low <= disparity <= high):
+                    cost[y, x, label] = BLOCKED_COST
+                    continue
+                column = x - disparity
+                if column < -0.5 or column > width - 0.5:
+                    cost[y, x, label] = UNSEEN_COST
+                    continue
+                seen, _ = right_phase(right, right_rad, y, column)
+                if np.isnan(seen):
+                    cost[y, x, label] = UNSEEN_COST
+                    continue
+                mismatch = abs(wrap(np.float32(phase - seen))) / FULL_MISMATCH_RAD
+                cost[y, x, label] = min(mismatch, np.float32(1.0))

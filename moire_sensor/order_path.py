@@ -1,0 +1,121 @@
+"""Choice of the fringe order: dynamic programmes along rows and columns over the few candidates.
+
+The paper's row programme (section 3.4) sees one epipolar line and needs order along it, which thin things before a far
+background break. Here four programmes, left, right, up and down, charge every depth jump once and are added up, so a
+pixel's order is also decided by the rows above and below, and no ordering is assumed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit, prange
+
+from moire_sensor.phase_carrier import Float32
+
+TURN = np.float32(2.0 * np.pi)
+STRIPE_COLUMNS = 64
+
+
+def choose_orders(cost: Float32, offset_rad: Float32, jump_cost: float) -> tuple[npt.NDArray[np.int8], Float32]:
+    """Return the best label (H, W) int8, -1 where the phase is unknown, and its margin over the second (H, W).
+
+    Parameters
+    ----------
+    cost : (H, W, labels) float32.
+    offset_rad : (H, W) float32 wrapped phase offset, NaN where unknown; tells which labels of neighbours continue
+        one surface.
+    jump_cost : cost of leaving the surface.
+    """
+    total = np.zeros_like(cost)
+    jump = np.float32(jump_cost)
+    add_row_paths(cost, offset_rad, jump, total)
+    add_column_paths(cost, offset_rad, jump, total)
+    label = np.empty(offset_rad.shape, dtype=np.int8)
+    margin = np.empty(offset_rad.shape, dtype=np.float32)
+    take_best(total, offset_rad, label, margin)
+    return label, margin
+
+
+@njit(inline="always", fastmath=False)
+def advance(previous, current, cost, total, step, known, jump):  # type: ignore[no-untyped-def]
+    """One step of a programme: ``current`` from ``previous`` whose label + step continues the surface."""
+    labels = cost.size
+    lowest = previous[0]
+    for label in range(1, labels):
+        lowest = min(lowest, previous[label])
+    for label in range(labels):
+        best = lowest + jump if known else lowest
+        source = label + step
+        if known and 0 <= source < labels:
+            best = min(best, previous[source])
+        current[label] = cost[label] + best - lowest
+        total[label] += current[label]
+
+
+@njit(inline="always", fastmath=False)
+def label_step(here, before):  # type: ignore[no-untyped-def]
+    """Label of the neighbour minus label here on one surface, and whether both phases are known."""
+    turns = (here - before) / TURN
+    known = not np.isnan(turns)
+    return (int(np.floor(turns + np.float32(0.5))) if known else 0), known
+
+
+@njit(parallel=True, cache=True)
+def add_row_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
+    """Add the programmes from the left and from the right."""
+    height, width, labels = cost.shape
+    for y in prange(height):
+        state = np.zeros((2, labels), dtype=np.float32)
+        for direction in (1, -1):
+            state[:] = np.float32(0.0)
+            start = 0 if direction == 1 else width - 1
+            before = np.float32(np.nan)
+            for index in range(width):
+                x = start + direction * index
+                here = offset[y, x]
+                step, known = label_step(here, before)
+                advance(state[index % 2], state[(index + 1) % 2], cost[y, x], total[y, x], step, known, jump)
+                before = here
+
+
+@njit(parallel=True, cache=True)
+def add_column_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
+    """Add the programmes from above and from below, a stripe of columns at a time."""
+    height, width, labels = cost.shape
+    for stripe in prange((width + STRIPE_COLUMNS - 1) // STRIPE_COLUMNS):
+        first = stripe * STRIPE_COLUMNS
+        last = min(first + STRIPE_COLUMNS, width)
+        state = np.zeros((2, last - first, labels), dtype=np.float32)
+        for direction in (1, -1):
+            state[:] = np.float32(0.0)
+            start = 0 if direction == 1 else height - 1
+            for index in range(height):
+                y = start + direction * index
+                for x in range(first, last):
+                    before = offset[y - direction, x] if index > 0 else np.float32(np.nan)
+                    step, known = label_step(offset[y, x], before)
+                    old, new = state[index % 2, x - first], state[(index + 1) % 2, x - first]
+                    advance(old, new, cost[y, x], total[y, x], step, known, jump)
+
+
+@njit(parallel=True, cache=True)
+def take_best(total, offset, label, margin):  # type: ignore[no-untyped-def]
+    """Lowest label per pixel and how far the second lies above it."""
+    height, width, labels = total.shape
+    for y in prange(height):
+        for x in range(width):
+            best = np.float32(np.inf)
+            second = np.float32(np.inf)
+            chosen = -1
+            for candidate in range(labels):
+                value = total[y, x, candidate]
+                if value < best:
+                    second = best
+                    best = value
+                    chosen = candidate
+                elif value < second:
+                    second = value
+            known = not np.isnan(offset[y, x])
+            label[y, x] = chosen if known else -1
+            margin[y, x] = second - best if known else np.float32(0.0)

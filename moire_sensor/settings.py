@@ -1,0 +1,42 @@
+"""Configuration of the reconstruction: every default once, with its unit and range."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+
+from moire_sensor.errors import SettingsError
+
+
+def setting(default: float, low: float, high: float, text: str) -> float:
+    """Declare a numeric setting with its allowed range and description."""
+    value: float = field(default=default, metadata={"low": low, "high": high, "text": text})
+    return value
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Tuning of the reconstruction; the defaults serve all rigs. Grey levels are scaled to 255 at saturation.
+
+    Raises
+    ------
+    SettingsError
+        A value outside its range; the message names it.
+    """
+
+    min_amplitude: float = setting(6.0, 0.5, 127.0, "smallest fringe amplitude of a lit pixel, grey levels of 255")
+    min_amplitude_to_noise: float = setting(2.0, 0.0, 100.0, "smallest ratio of fringe amplitude to fit residual")
+    half_height_px: int = setting(2, 0, 10, "rows above and below that a single-shot window takes in, pixels")  # type: ignore[assignment]
+    jump_cost: float = setting(0.8, 0.0, 10.0, "cost of a depth jump between neighbours, in units of a full mismatch")
+    systematic_rad: float = setting(0.03, 0.0, 1.0, "phase error common to both cameras (gamma, motion), radians")
+    max_mismatch_rad: float = setting(0.6, 0.01, 3.0, "largest left-right phase mismatch that is believed, radians")
+    max_motion_rad: float = setting(0.8, 0.0, 3.0, "largest phase drift from frame to frame that is believed, radians")
+    image_noise: float = setting(1.5, 0.01, 50.0, "camera noise where the frames cannot tell it, grey levels of 255")
+    min_segment_px: int = setting(60, 0, 100000, "smallest connected surface that is kept, pixels")  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            low, high = item.metadata["low"], item.metadata["high"]
+            if not (math.isfinite(value) and low <= value <= high):
+                raise SettingsError(f"{item.name} is {value}; allowed is {low} to {high} ({item.metadata['text']})")
