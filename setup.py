@@ -17,8 +17,7 @@ INSTALL_REQUIRES = [
     "rosbags>=0.11",
 ]
 DEV_REQUIRES = [
-    "colcon-core",
-    "colcon-ros",
+    "colcon-common-extensions",
     "hypothesis",
     "matplotlib",
     "mypy",
