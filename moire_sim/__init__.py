@@ -1,1 +1,23 @@
-"""A virtual fringe-projection head."""
+"""A virtual fringe-projection head: fringe images of simulated scenes, with their truth.
+
+Importing this package does not import pybullet; making a :class:`VirtualHead` does.
+"""
+
+from moire_sim.capture import HeadCapture
+from moire_sim.errors import SceneError, SimulatorError
+from moire_sim.fringe_image import Light
+from moire_sim.scenes import scene_names
+from moire_sim.score import Score, score
+from moire_sim.virtual_head import HeadOptions, VirtualHead
+
+__all__ = [
+    "HeadCapture",
+    "HeadOptions",
+    "Light",
+    "SceneError",
+    "Score",
+    "SimulatorError",
+    "VirtualHead",
+    "scene_names",
+    "score",
+]
