@@ -7,7 +7,7 @@ from moire_sim.capture import HeadCapture
 from moire_sim.errors import SceneError, SimulatorError
 from moire_sim.fringe_image import Light
 from moire_sim.scenes import scene_names
-from moire_sim.score import Score, score
+from moire_sim.score import Score, score, score_depth
 from moire_sim.virtual_head import HeadOptions, VirtualHead
 
 __all__ = [
@@ -20,4 +20,5 @@ __all__ = [
     "VirtualHead",
     "scene_names",
     "score",
+    "score_depth",
 ]

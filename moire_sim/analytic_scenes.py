@@ -14,11 +14,11 @@ from moire_sim.analytic_surfaces import Box, Cylinder, Relief, Sphere, Surface, 
 from moire_sim.analytic_view import AnalyticView, device_centre, in_image
 from moire_sim.capture import Grey, HeadCapture, stacked
 from moire_sim.errors import SceneError
-from moire_sim.exposure import exposed, lens_blur, noise_generator
+from moire_sim.exposure import exposed, noise_generator
+from moire_sim.fringe_image import Light
 
-AMBIENT = 20.0
-# Light between the fringes' dark parts and black, in amplitudes: keeps the dark parts above the noise.
-OFFSET_PER_AMPLITUDE = 1.15
+# Projector light left in the fringes' dark parts, grey levels.
+DARK_FRINGE = 10.0
 BACK = Relief(1.5)
 
 SCENES: dict[str, tuple[Surface, ...]] = {
@@ -95,6 +95,7 @@ def analytic_capture(
     """
     surfaces = scene_surfaces(name)
     pattern = pattern or paper_pattern()
+    light = Light(offset=amplitude + DARK_FRINGE, amplitude=amplitude, gamma=gamma, blur_px=blur_px)
     if rig is None:
         rig, projector_size = paper_rig(), projector_size or PROJECTOR_SIZE
     views = [
@@ -105,8 +106,8 @@ def analytic_capture(
     for camera, view in enumerate(views):
         frames = []
         for step in range(pattern.step_count):
-            ideal = view.picture(pattern, step, AMBIENT, OFFSET_PER_AMPLITUDE * amplitude, amplitude, gamma)
-            frames.append(exposed(lens_blur(ideal, blur_px), noise, noise_generator(seed, step, camera), bits))
+            ideal = view.picture(pattern, step, light)
+            frames.append(exposed(ideal, noise, noise_generator(seed, step, camera), bits))
         images.append(stacked(frames))
     left = views[0].centres
     depth_m = np.where(left.surface >= 0, left.points_m[2], np.nan).astype(np.float32).reshape(views[0].shape)

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from moire_sensor.pattern import FringePattern
 from moire_sensor.rig import StereoRig
 from moire_sim.analytic_surfaces import Array, Surface, cast, unit, unobstructed
-from moire_sim.exposure import projected_signal
+from moire_sim.exposure import lens_blur, projected_signal
+from moire_sim.fringe_image import Light
 
 Mask = npt.NDArray[np.bool_]
 SUPERSAMPLES = 4
@@ -126,16 +127,16 @@ class AnalyticView:
         return cls((height, width), centres, chosen, fine)
 
     def picture(
-        self, pattern: FringePattern, step: int, ambient: float, offset: float, amplitude: float, gamma: float
+        self, pattern: FringePattern, step: int, light: Light
     ) -> npt.NDArray[np.float32]:
-        """Ideal grey levels (H, W): ``albedo ambient + reflectance (offset + amplitude signal)``."""
+        """Ideal grey levels (H, W): ``albedo ambient + reflectance (offset + amplitude signal)``, blurred."""
 
         def grey(samples: Samples, footprint_px: float) -> Array:
-            signal = projected_signal(pattern, samples.projector_column_px, step, gamma, footprint_px)
-            return samples.albedo * ambient + samples.reflectance * (offset + amplitude * signal)
+            signal = projected_signal(pattern, samples.projector_column_px, step, light.gamma, footprint_px)
+            return samples.albedo * light.ambient + samples.reflectance * (light.offset + light.amplitude * signal)
 
         image = grey(self.centres, 1.0)
         image[self.edge_pixels] = (
             grey(self.fine, 1.0 / SUPERSAMPLES).reshape(-1, SUPERSAMPLES**2).mean(axis=1)
         )
-        return image.reshape(self.shape).astype(np.float32)
+        return lens_blur(image.reshape(self.shape).astype(np.float32), light.blur_px)

@@ -62,10 +62,10 @@ class DeviceView:
 def visible_share(view: DeviceView, depth_m: Array, points_m: Array, planes: Array) -> npt.NDArray[np.float32]:
     """Share (...) 0 to 1 of each surface point that a device sees, by its depth buffer (H, W).
 
-    The four buffer pixels around a point are compared with the point's tangent plane ``q . X = 1`` (``planes``, (..., 3),
-    left optical frame), carried to those pixels, and weighed bilinearly. So a slanted surface does not shade itself,
-    however steep, and a shadow's edge lies between pixels. Points outside the image, not finite, or facing away are
-    not seen.
+    The four buffer pixels around a point are compared with the point's tangent plane ``q . X = 1`` (``planes``,
+    (..., 3), left optical frame), carried to those pixels, and weighed bilinearly. So a slanted surface does not shade
+    itself, however steep, and a shadow's edge lies between pixels. Points outside the image, not finite, or facing
+    away are not seen.
     """
     width, height = view.size
     pixels, own_z = projected(view, points_m)
@@ -93,7 +93,7 @@ def projected(view: DeviceView, points_m: Array) -> tuple[Array, Array]:
     own = view.to_device(points_m)
     with np.errstate(divide="ignore", invalid="ignore"):
         image = own @ view.intrinsic.T
-        return image[..., :2] / image[..., 2:], own[..., 2]
+        return np.asarray(image[..., :2] / image[..., 2:]), np.asarray(own[..., 2])
 
 
 def planes_in_device(view: DeviceView, planes: Array) -> Array:

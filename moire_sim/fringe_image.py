@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from moire_sensor.errors import SettingsError
 from moire_sensor.pattern import FringePattern
 from moire_sensor.rig import StereoRig
 from moire_sim.device_view import DeviceView, tangent_planes, visible_share
@@ -19,15 +20,20 @@ LIT_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Light:
-    """Light and lens; grey levels are of 8 bit, for white that faces the projector.
+    """Light and lens; grey levels are of 8 bit, for white that faces the projector; all are 0 or more.
 
     Attributes
     ----------
     ambient : light that is always there, grey levels.
     offset : mean of the projector's light, grey levels.
     amplitude : of the fringes, grey levels, at most ``offset``.
-    gamma : response of the projector, 1 is linear.
-    blur_px : standard deviation of the lens blur, pixels.
+    gamma : response of the projector, 1 is linear; 0.2 to 5.
+    blur_px : standard deviation of the lens blur, pixels, up to 20.
+
+    Raises
+    ------
+    SettingsError
+        A value outside its range.
     """
 
     ambient: float = 20.0
@@ -35,6 +41,18 @@ class Light:
     amplitude: float = 70.0
     gamma: float = 1.0
     blur_px: float = 0.55
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "ambient": (0.0, 255.0),
+            "offset": (0.0, 255.0),
+            "amplitude": (0.0, self.offset),
+            "gamma": (0.2, 5.0),
+            "blur_px": (0.0, 20.0),
+        }
+        for name, (low, high) in ranges.items():
+            if not low <= getattr(self, name) <= high:
+                raise SettingsError(f"{name} is {getattr(self, name)}; it must be {low:g} to {high:g}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +112,8 @@ def fringe_picture(surfaces: Surfaces, pattern: FringePattern, step: int, light:
     """Grey levels (H, W) float32 before noise: albedo (ambient + Lambert (offset + amplitude signal)), blurred."""
     signal = projected_signal(pattern, surfaces.column_px, step, light.gamma).astype(np.float32)
     projected = surfaces.lambert * surfaces.lit_share * (light.offset + light.amplitude * signal)
-    return lens_blur(surfaces.albedo * (light.ambient + projected), light.blur_px)
+    picture = surfaces.albedo * (light.ambient + projected)
+    return lens_blur(np.asarray(picture, dtype=np.float32), light.blur_px)
 
 
 def dark_picture(surfaces: Surfaces, light: Light) -> Image:

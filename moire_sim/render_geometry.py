@@ -109,7 +109,7 @@ class GeometryRenderer:
         return as_pose(state[4], state[5])
 
     def _place_base(self) -> None:
-        rotation = self._world_from_base[:3, :3]
+        rotation = np.asarray(self._world_from_base[:3, :3], dtype=np.float64)
         pybullet.resetBasePositionAndOrientation(
             self._head, self._world_from_base[:3, 3].tolist(), quaternion(rotation), physicsClientId=self._client
         )

@@ -74,17 +74,17 @@ def cylinder_and_box() -> tuple[Body, ...]:
 
 def room() -> tuple[Body, ...]:
     """A corner of a room: two walls, floor, cabinet, stool, table with legs, a thin pole; what a robot meets."""
-    left_wall = box((-0.42, 0.0, 1.82), (2.0, 2.0, 0.1), 0.8, 0.45)
-    right_wall = box((0.65, 0.0, 1.75), (1.4, 2.0, 0.1), 0.9, -0.70)
+    left_wall = box((-0.42, 0.0, 1.62), (2.0, 2.0, 0.1), 0.8, 0.45)
+    right_wall = box((0.65, 0.0, 1.55), (1.4, 2.0, 0.1), 0.9, -0.70)
     floor = box((0.0, 0.36, 1.4), (2.4, 0.1, 1.8), 0.7)
-    cabinet = box((-0.26, 0.16, 1.38), (0.26, 0.40, 0.18), 0.65, 0.45)
-    stool = box((0.05, 0.22, 1.05), (0.17, 0.16, 0.16), 0.95, 0.3)
+    cabinet = box((-0.23, 0.16, 1.22), (0.24, 0.40, 0.18), 0.65, 0.45)
+    stool = box((0.02, 0.20, 0.90), (0.15, 0.18, 0.14), 0.95, 0.3)
     table = (
-        box((0.33, 0.05, 1.30), (0.30, 0.025, 0.24), 0.9, -0.3),
-        box((0.22, 0.18, 1.22), (0.03, 0.25, 0.03), 0.75, -0.3),
-        box((0.43, 0.18, 1.38), (0.03, 0.25, 0.03), 0.75, -0.3),
+        box((0.30, 0.06, 1.18), (0.28, 0.025, 0.22), 0.9, -0.3),
+        box((0.20, 0.19, 1.11), (0.03, 0.25, 0.03), 0.75, -0.3),
+        box((0.39, 0.19, 1.25), (0.03, 0.25, 0.03), 0.75, -0.3),
     )
-    pole = upright_cylinder(0.145, 0.90, 0.010, -1.0, 0.31, 1.0)
+    pole = upright_cylinder(0.115, 0.72, 0.010, -1.0, 0.31, 1.0)
     return left_wall, right_wall, floor, cabinet, stool, *table, pole
 
 
@@ -94,7 +94,7 @@ SCENES: dict[str, Scene] = {
     ),
     "board_before_plane": Scene(board_before_plane, {"distance_m": Option(1.0, 0.4, 1.45)}),
     "convex_cylinder": Scene(
-        convex_cylinder, {"distance_m": Option(1.05, 0.5, 1.4), "radius_m": Option(0.3, 0.05, 1.0)}
+        convex_cylinder, {"distance_m": Option(1.1, 0.5, 1.4), "radius_m": Option(0.2, 0.05, 1.0)}
     ),
     "free_form": Scene(
         free_form, {"distance_m": Option(1.1, 0.6, 1.5), "amplitude_m": Option(0.04, 0.0, 0.08)}

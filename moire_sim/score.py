@@ -58,17 +58,22 @@ class Score:
 
 
 def score(shot: HasDepth, capture: HeadCapture) -> Score:
-    """Compare ``shot.depth_m`` (H, W) with the truth of ``capture``.
+    """Compare ``shot.depth_m`` (H, W) with the truth of ``capture``; raises as :func:`score_depth`."""
+    return score_depth(shot.depth_m, capture)
+
+
+def score_depth(depth_m: npt.NDArray[np.floating], capture: HeadCapture) -> Score:
+    """Compare a depth image (H, W), metres, NaN where unknown, with the truth of ``capture``.
 
     Raises
     ------
     ImageError
         A depth image of another size.
     """
-    depth_m = np.asarray(shot.depth_m)
     if depth_m.shape != capture.depth_m.shape:
         raise ImageError(
-            f"the depth image has shape {depth_m.shape}; the truth has {capture.depth_m.shape}: give a shot of this capture"
+            f"the depth image has shape {depth_m.shape}; the truth has {capture.depth_m.shape}: "
+            "give a shot of this capture"
         )
     off_px = np.abs(disparity_error_px(depth_m, capture))
     error_mm = scaled_error_mm(depth_m, capture)
