@@ -39,7 +39,7 @@ def run_node(make_node: Callable[[], Any], usage: str) -> int:
     ``usage`` is printed for --help. A node may have ``finished()``, asked after each callback, and ``close()``,
     called at the end. An error that a user can cause is printed as one line and gives 1.
     """
-    if {"-h", "--help"} & set(remove_ros_args(sys.argv)[1:]):
+    if sys.argv[1:] in (["-h"], ["--help"]):
         print(usage.strip())
         return 0
     stop = _Stop()

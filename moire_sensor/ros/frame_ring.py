@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Generic, TypeVar
 
 from moire_sensor.pattern import FringePattern
@@ -64,17 +65,23 @@ class FrameRing(Generic[Item]):
         if len(self._frames) < 2:
             return False
         stamps = [old.stamp_ns for old in self._frames]
-        shortest = min(late - early for early, late in zip(stamps, stamps[1:], strict=False))
+        shortest = min(late - early for early, late in pairwise(stamps))
         return frame.stamp_ns - stamps[-1] > max(2, frame.state.step_count) * shortest
 
 
-def pattern_of(states: tuple[ProjectorState, ...]) -> FringePattern:
-    """Return the programme's pattern from the states of consecutive frames that show each step at least once.
+def pattern_of(states: tuple[ProjectorState, ...]) -> tuple[FringePattern, int]:
+    """Return pattern and first step for frames that are decoded together, from their own states alone.
 
-    A single frame gives the pattern of that exposure alone. Steps are relative to step 0, whose phase is the pattern's.
+    Several frames must show each step at least once; step 0 gives the pattern's phase, the others are relative to
+    it. A single frame of a longer programme cannot know the phase of step 0: its fringe orders count from phase 0,
+    so that they do not change from step to step.
     """
+    first = states[0]
+    if first.step_count == 1:
+        return first.pattern(), 0
     if len(states) == 1:
-        return states[0].pattern()
+        steps: tuple[float, ...] = (first.fringe_phase_rad,)
+        return FringePattern(first.fringe_period_px, 0.0, steps, first.waveform), 0
     phases = {state.step_index: state.fringe_phase_rad for state in states}
-    steps = tuple(phases[index] - phases[0] for index in range(states[0].step_count))
-    return FringePattern(states[0].fringe_period_px, phases[0], steps, states[0].waveform)
+    steps = tuple(phases[index] - phases[0] for index in range(first.step_count))
+    return FringePattern(first.fringe_period_px, phases[0], steps, first.waveform), first.step_index

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 from moire_sensor.errors import SettingsError
 
 Value = bool | int | float | str
+QOS_PREFIX = "qos_overrides."
 
 
 @dataclass(frozen=True)
@@ -31,17 +32,19 @@ class ParameterSpec:
 
     def check(self, value: Any) -> Value:
         """Return the value in the parameter's type, or raise SettingsError naming what is allowed."""
-        wanted = type(self.default)
-        if wanted is float and type(value) is int:
+        if isinstance(self.default, float) and type(value) is int:
             value = float(value)
-        if type(value) is not wanted or (wanted is float and not math.isfinite(value)):
-            raise SettingsError(f"parameter {self.name} is {value!r}; it must be {self.allowed()} ({self.text})")
         if self.choices and value not in self.choices:
             raise SettingsError(f"parameter {self.name} is {value!r}; allowed are {', '.join(self.choices)}")
-        if self.low is not None and self.high is not None and not self.low <= value <= self.high:
-            raise SettingsError(f"parameter {self.name} is {value}; it must be {self.allowed()} ({self.text})")
+        if type(value) is not type(self.default) or not self._in_range(value):
+            raise SettingsError(f"parameter {self.name} is {value!r}; it must be {self.allowed()} ({self.text})")
         checked: Value = value
         return checked
+
+    def _in_range(self, value: Any) -> bool:
+        if self.low is None or self.high is None:
+            return not isinstance(value, float) or math.isfinite(value)
+        return bool(self.low <= value <= self.high)
 
     def allowed(self) -> str:
         """Return type and range in words."""
@@ -61,10 +64,12 @@ class ParameterSpec:
 
 def specs_of(settings_type: type) -> tuple[ParameterSpec, ...]:
     """Return a parameter for each field of one of the core's settings, whose metadata hold range and text."""
-    return tuple(
-        ParameterSpec(item.name, item.default, item.metadata["text"], item.metadata["low"], item.metadata["high"])
-        for item in fields(settings_type)
-    )
+    specs = []
+    for item in fields(settings_type):
+        default: Any = item.default
+        meta = item.metadata
+        specs.append(ParameterSpec(item.name, default, meta["text"], meta["low"], meta["high"]))
+    return tuple(specs)
 
 
 def declare(node: Any, specs: Sequence[ParameterSpec]) -> dict[str, Any]:
@@ -88,14 +93,17 @@ def declare(node: Any, specs: Sequence[ParameterSpec]) -> dict[str, Any]:
     return values
 
 
-def refuse_unknown(node: Any) -> None:
-    """Raise SettingsError if a value was given for a parameter that the node does not have; call it last."""
+def refuse_unknown(node: Any, qos: bool = False) -> None:
+    """Raise SettingsError if a value was given for a parameter that the node does not have.
+
+    ``qos`` looks at the names of qos_overrides alone, which are known once the node's topics are.
+    """
     for name in node._parameter_overrides:
-        if not node.has_parameter(name):
-            known = sorted(known for known in node._parameters if not known.startswith("qos_overrides."))
-            near = difflib.get_close_matches(name, node._parameters, n=1)
+        if not node.has_parameter(name) and name.startswith(QOS_PREFIX) == qos:
+            known = [known for known in node._parameters if known.startswith(QOS_PREFIX) == qos]
+            near = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {near[0]}? " if near else ""
-            raise SettingsError(f"unknown parameter {name}; {hint}the parameters are {', '.join(known)}")
+            raise SettingsError(f"unknown parameter {name}; {hint}the parameters are {', '.join(sorted(known))}")
 
 
 def changed_values(

@@ -45,7 +45,7 @@ class ProjectorState:
     depth_range_m: tuple[float, float] | None = None
 
     def pattern(self) -> FringePattern:
-        """Return the pattern of this exposure alone; raises PatternError where it cannot be projected."""
+        """Return the pattern of a single-shot programme; raises PatternError where it cannot be projected."""
         return FringePattern(self.fringe_period_px, self.fringe_phase_rad, waveform=self.waveform)
 
 

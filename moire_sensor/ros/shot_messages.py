@@ -37,10 +37,10 @@ def depth_image(header: Header, depth_m: npt.NDArray[np.float32], encoding: str 
     return image_message(header, np.where(known, depth_mm, 0.0).astype(np.uint16))
 
 
-def background_image(header: Header, background: npt.NDArray[np.float32], saturation_level: float) -> Image:
-    """Return the fringe-free left view as mono8; ``saturation_level`` of the camera becomes 255."""
-    grey = np.nan_to_num(background * (255.0 / saturation_level))
-    return image_message(header, np.rint(grey.clip(0.0, 255.0)).astype(np.uint8), "mono8")
+def background_image(header: Header, background: npt.NDArray[np.float32]) -> Image:
+    """Return the fringe-free left view, grey levels of 255, as mono8."""
+    grey = np.nan_to_num(background).clip(0.0, 255.0)
+    return image_message(header, np.rint(grey).astype(np.uint8), "mono8")
 
 
 def depth_camera_info(header: Header, rig: StereoRig) -> CameraInfo:

@@ -1,0 +1,62 @@
+"""What a head publishes for each exposure: images, camera infos and projector state, all with one stamp."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.duration import Duration
+from sensor_msgs.msg import CameraInfo, Image, JointState
+from std_msgs.msg import Header
+
+from moire_sensor.rig import StereoRig
+from moire_sensor.ros.camera_messages import FRAMES, camera_infos
+from moire_sensor.ros.image_messages import GREY_TYPES, GreyImage, image_message
+from moire_sensor.ros.projector_state import ProjectorState, state_message
+from moire_sensor.ros.qos import latched_qos, overridable, publisher_qos
+
+ENCODING_OF = {pixel: encoding for encoding, pixel in GREY_TYPES.items()}
+
+
+class HeadPublisher:
+    """Publish exposures of a rectified rig on a head's topics.
+
+    ``projector_size`` : (width, height) of the projector's device in pixels, for its camera info.
+    """
+
+    def __init__(self, node: Any, rig: StereoRig, projector_size: tuple[int, int]) -> None:
+        self._rig = rig
+        self._projector_size = projector_size
+        self._images = {side: self._publisher(node, Image, f"{side}/image_raw") for side in ("left", "right")}
+        self._state = self._publisher(node, JointState, "projector/state")
+        self._infos = {
+            device: node.create_publisher(
+                CameraInfo, f"{device}/camera_info", latched_qos(), qos_overriding_options=overridable()
+            )
+            for device in FRAMES
+        }
+
+    @staticmethod
+    def _publisher(node: Any, kind: Any, topic: str) -> Any:
+        return node.create_publisher(kind, topic, publisher_qos(), qos_overriding_options=overridable())
+
+    def subscriber_count(self) -> int:
+        """Return how many subscribers get whole sets: the least number among the topics of a set."""
+        return min(one.get_subscription_count() for one in (*self._images.values(), self._state))
+
+    def publish_infos(self, stamp: Any) -> None:
+        """Publish the three camera infos; they stay available to those who subscribe later."""
+        for device, info in camera_infos(self._rig, Header(stamp=stamp), self._projector_size).items():
+            self._infos[device].publish(info)
+
+    def publish(self, stamp: Any, left: GreyImage, right: GreyImage, state: ProjectorState) -> None:
+        """Publish one exposure: camera infos and state first, then the images (H, W), uint8 or uint16."""
+        self.publish_infos(stamp)
+        self._state.publish(state_message(Header(stamp=stamp, frame_id=FRAMES["projector"]), state))
+        for side, image in (("left", left), ("right", right)):
+            header = Header(stamp=stamp, frame_id=FRAMES[side])
+            self._images[side].publish(image_message(header, image, ENCODING_OF[image.dtype]))
+
+    def wait_until_received(self, seconds: float) -> bool:
+        """Wait until each reliable subscriber has everything; False when that takes longer than ``seconds``."""
+        patience = Duration(seconds=seconds)
+        return all(one.wait_for_all_acked(patience) for one in (*self._images.values(), self._state))

@@ -1,0 +1,70 @@
+"""One thread that works on the newest jobs, so that subscriptions keep flowing; no ROS needed."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from threading import Condition, Thread
+from typing import Generic, TypeVar
+
+Job = TypeVar("Job")
+
+
+class Worker(Generic[Job]):
+    """Run ``work(job)`` in a thread, in order; when the queue is full, the oldest waiting job is superseded.
+
+    Parameters
+    ----------
+    work : called in the thread; it must handle its own errors.
+    superseded : called with the number of jobs that a newer one pushed out.
+    queue_depth : jobs that may wait, at least 1.
+    """
+
+    def __init__(self, work: Callable[[Job], None], superseded: Callable[[int], None], queue_depth: int) -> None:
+        self._work = work
+        self._superseded = superseded
+        self._queue_depth = queue_depth
+        self._waiting: deque[Job] = deque()
+        self._changed = Condition()
+        self._busy = False
+        self._stopped = False
+        self._thread = Thread(target=self._run, name="reconstruction", daemon=True)
+        self._thread.start()
+
+    def submit(self, job: Job) -> None:
+        """Queue a job; never blocks."""
+        with self._changed:
+            self._waiting.append(job)
+            pushed_out = len(self._waiting) - self._queue_depth
+            for _ in range(pushed_out):
+                self._waiting.popleft()
+            self._changed.notify_all()
+        if pushed_out > 0:
+            self._superseded(pushed_out)
+
+    def is_idle(self) -> bool:
+        """Tell whether nothing waits and nothing is under way."""
+        with self._changed:
+            return not self._waiting and not self._busy
+
+    def stop(self) -> None:
+        """End after the job under way; waiting jobs are superseded by the end."""
+        with self._changed:
+            self._stopped = True
+            left_over = len(self._waiting)
+            self._waiting.clear()
+            self._changed.notify_all()
+        self._thread.join()
+        if left_over:
+            self._superseded(left_over)
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._busy = False
+                self._changed.wait_for(lambda: self._stopped or bool(self._waiting))
+                if self._stopped:
+                    return
+                job = self._waiting.popleft()
+                self._busy = True
+            self._work(job)
