@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from tools.ros_domain import isolate_ros
 
 # Held for the life of the test process; set before any test module imports rclpy.
-ROS_DOMAIN_LOCK = isolate_ros()
+atexit.register(isolate_ros().close)
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,67 @@
+"""Helpers for tests over real DDS: spin until something happened, start and stop the executables."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sysconfig
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from moire_sensor.ros.executable import use_large_message_profile
+
+# Bounds for a hang, not measurements: two busy cores start a process with numba in some seconds.
+TIMEOUT_S = 60.0
+EXIT_TIMEOUT_S = 20.0
+
+
+@contextmanager
+def ros_node(name: str) -> Iterator[Node]:
+    """A node in the head's namespace, shut down at the end."""
+    use_large_message_profile()
+    rclpy.init()
+    node = rclpy.create_node(name, namespace="head")
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def spin_until(node: Node, happened: Callable[[], bool], what: str, timeout_s: float = TIMEOUT_S) -> None:
+    """Handle messages until ``happened()``; an AssertionError naming ``what`` after the timeout."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    deadline = time.monotonic() + timeout_s
+    try:
+        while not happened():
+            assert time.monotonic() < deadline, f"waited {timeout_s:g} s in vain for {what}"
+            executor.spin_once(timeout_sec=0.05)
+    finally:
+        executor.remove_node(node)
+        executor.shutdown()
+
+
+def start(name: str, *parameters: str) -> subprocess.Popen[str]:
+    """Start an executable of this package with parameters such as ``"rate_hz:=10"``."""
+    arguments = ["--ros-args", *(part for parameter in parameters for part in ("-p", parameter))]
+    path = Path(sysconfig.get_path("scripts")) / name
+    return subprocess.Popen(
+        [str(path), *(arguments if parameters else [])],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def stop(process: subprocess.Popen[str], number: signal.Signals = signal.SIGINT) -> tuple[int, str]:
+    """Send a signal; return exit code and everything the process printed."""
+    process.send_signal(number)
+    output, _ = process.communicate(timeout=EXIT_TIMEOUT_S)
+    return process.returncode, output
