@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -152,17 +152,24 @@ class RecordBagNode(Node):
 
     def __init__(self) -> None:
         super().__init__("record_bag", namespace="head")
-        values = declare(self, PARAMETERS)
+        self._values = declare(self, PARAMETERS)
         refuse_unknown(self)
-        self.folder = Path(cast(str, values["folder"]))
-        self.recorder = BagRecorder(self, self.folder, topics_named(values["topics"]), values["storage"])
-        self.get_logger().info(f"recording to {self.folder}; Ctrl-C ends the bag")
+        self._recorder: BagRecorder | None = None
+        # A signal may break off the constructor anywhere; a bag begun in the first callback is always completed.
+        self._begin = self.create_timer(0.0, self._record)
+
+    def _record(self) -> None:
+        self._begin.cancel()
+        folder, topics, storage = (self._values[name] for name in ("folder", "topics", "storage"))
+        self._recorder = BagRecorder(self, Path(folder), topics_named(topics), storage)
+        self.get_logger().info(f"recording to {folder}; Ctrl-C ends the bag")
 
     def close(self) -> None:
         """Complete the bag and tell what it holds."""
-        self.recorder.close()
-        counts = ", ".join(f"{name} {count}" for name, count in self.recorder.counts.items() if count)
-        self.get_logger().info(f"{self.folder} holds {counts or 'no message: did anything publish?'}")
+        if self._recorder is not None:
+            self._recorder.close()
+            counts = ", ".join(f"{name} {count}" for name, count in self._recorder.counts.items() if count)
+            self.get_logger().info(f"the bag holds {counts or 'no message: did anything publish?'}")
 
 
 def main() -> int:
