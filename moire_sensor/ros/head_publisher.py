@@ -41,7 +41,8 @@ class HeadPublisher:
 
     def subscriber_count(self) -> int:
         """Return how many subscribers get whole sets: the least number among the topics of a set."""
-        return min(one.get_subscription_count() for one in (*self._images.values(), self._state))
+        count: int = min(one.get_subscription_count() for one in (*self._images.values(), self._state))
+        return count
 
     def publish_infos(self, stamp: Any) -> None:
         """Publish the three camera infos; they stay available to those who subscribe later."""

@@ -1,0 +1,165 @@
+"""Node ``virtual_head``: the simulated head on the topics of a real one."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Header, String
+from std_srvs.srv import SetBool, Trigger
+
+from moire_sensor.errors import SettingsError
+from moire_sensor.paper_rig import PERIOD_PX, PROJECTOR_SIZE
+from moire_sensor.pattern import MIN_PERIOD_PX, WAVEFORMS, FringePattern
+from moire_sensor.resources import resource_path
+from moire_sensor.ros.camera_messages import FRAMES
+from moire_sensor.ros.diagnostics import OK, WARN, DiagnosticsPublisher, status_of
+from moire_sensor.ros.executable import run_node
+from moire_sensor.ros.frame_ring import needed_frames
+from moire_sensor.ros.head_publisher import HeadPublisher
+from moire_sensor.ros.image_messages import image_message
+from moire_sensor.ros.parameters import ParameterSpec, declare, refuse_unknown
+from moire_sensor.ros.projector_state import MAX_STEP_COUNT, state_of_exposure
+from moire_sensor.ros.qos import latched_qos, overridable, publisher_qos
+from moire_sim.virtual_head import HeadOptions, VirtualHead
+
+USAGE = """
+virtual_head --ros-args [-p scene:=flat_board] [-p rate_hz:=10] [-p seed:=0] [-p phase_steps:=1] [-r __ns:=/head]
+A simulated head with two cameras and a fringe projector before a scene.
+"""
+NAMESPACE = "head"
+JOINTS = ("head_pan_joint", "head_tilt_joint")
+DIAGNOSTICS_PERIOD_S = 1.0
+SPECS = (
+    ParameterSpec("scene", "flat_board", "scene, options after a colon: flat_board:distance_m=0.8", read_only=True),
+    ParameterSpec("rate_hz", 10.0, "exposures per second; 0: only by the service capture", 0.0, 200.0, read_only=True),
+    ParameterSpec("seed", 0, "of the camera noise", 0, 2**31 - 1, read_only=True),
+    ParameterSpec("phase_steps", 1, "exposures of one programme; 1: single shot", 1, MAX_STEP_COUNT, read_only=True),
+    ParameterSpec("period_px", PERIOD_PX, "projector columns per fringe", MIN_PERIOD_PX, 10000.0, read_only=True),
+    ParameterSpec("phase_rad", 0.0, "fringe phase at projector column 0, rad", -1e3, 1e3, read_only=True),
+    ParameterSpec("waveform", WAVEFORMS[0], "shape of the fringes", choices=WAVEFORMS, read_only=True),
+    ParameterSpec("noise", HeadOptions.noise, "camera noise, 8-bit grey levels", 0.0, 50.0, read_only=True),
+    ParameterSpec("bits", HeadOptions.bits, "of the images: 8 (mono8) or 16 (mono16)", 8, 16, read_only=True),
+    ParameterSpec("pan_rad", 0.0, "turn of the head, positive to the left, rad", -3.15, 3.15, read_only=True),
+    ParameterSpec("tilt_rad", 0.0, "nod of the head, positive down, rad", -3.15, 3.15, read_only=True),
+    ParameterSpec("frames", 0, "exposures to make, then idle; 0: no end", 0, 2**31 - 1, read_only=True),
+    ParameterSpec(
+        "wait_for_subscribers", 0, "subscribers of images and state to wait for first; 0: none", 0, 100, read_only=True
+    ),
+)
+
+
+class VirtualHeadNode(Node):  # type: ignore[misc]
+    """Make an exposure at each tick; the stamp is taken when the exposure starts."""
+
+    def __init__(self) -> None:
+        super().__init__("virtual_head", namespace=NAMESPACE)
+        values = declare(self, SPECS)
+        refuse_unknown(self)
+        self._values = values
+        self._pattern = FringePattern(
+            values["period_px"], values["phase_rad"], waveform=values["waveform"]
+        ).with_equal_steps(values["phase_steps"])
+        self._head = open_head(values)
+        self._exposures = 0
+        self._laser_on = True
+        self._waiting = values["wait_for_subscribers"] > 0
+        self._publisher = HeadPublisher(self, self._head.rig, PROJECTOR_SIZE)
+        self._joints = self._make_publisher(JointState, "joint_states")
+        self._truth = self._make_publisher(Image, "ground_truth/depth")
+        self._diagnostics = DiagnosticsPublisher(self)
+        self._describe_robot()
+        refuse_unknown(self, qos=True)
+        self.create_service(SetBool, "projector/enable", self._enable_projector)
+        self.create_service(Trigger, "capture", self._capture_once)
+        self._expose_first()
+        self.create_timer(DIAGNOSTICS_PERIOD_S, self._diagnose)
+        if values["rate_hz"] > 0.0:
+            self.create_timer(1.0 / values["rate_hz"], self._tick)
+        self.get_logger().info(
+            f"ready: scene {values['scene']}, {values['rate_hz']:g} Hz, {values['phase_steps']} step(s)"
+        )
+
+    def close(self) -> None:
+        """Leave the simulator."""
+        self._head.close()
+
+    def _make_publisher(self, kind: Any, topic: str) -> Any:
+        return self.create_publisher(kind, topic, publisher_qos(), qos_overriding_options=overridable())
+
+    def _describe_robot(self) -> None:
+        """Publish the URDF; robot_state_publisher makes the TF from it and the joint states."""
+        self._description = self.create_publisher(
+            String, "robot_description", latched_qos(), qos_overriding_options=overridable()
+        )
+        self._description.publish(String(data=resource_path("urdf/head.urdf").read_text()))
+
+    def _expose_first(self) -> None:
+        """Render every picture once, so that the stream does not start with a pause; nothing is published."""
+        for step in range(self._pattern.step_count):
+            self._head.expose(self._pattern, step)
+
+    def _tick(self) -> None:
+        awaited = self._values["wait_for_subscribers"]
+        if self._waiting and self._publisher.subscriber_count() < awaited:
+            return
+        self._waiting = False
+        if not self._values["frames"] or self._exposures < self._values["frames"]:
+            self._expose()
+
+    def _expose(self) -> None:
+        """Make the next exposure and publish everything that belongs to it with its stamp."""
+        stamp = self.get_clock().now().to_msg()
+        step = self._exposures % self._pattern.step_count
+        if self._laser_on:
+            left, right = self._head.expose(self._pattern, step, self._exposures)
+        else:
+            left, right = self._head.ambient(self._exposures)
+        self._exposures += 1
+        pan_tilt_rad = [float(angle) for angle in self._head.pan_tilt_rad]
+        self._joints.publish(JointState(header=Header(stamp=stamp), name=list(JOINTS), position=pan_tilt_rad))
+        self._publisher.publish(stamp, left, right, state_of_exposure(self._pattern, step, self._laser_on))
+        if self._truth.get_subscription_count():
+            self._truth.publish(image_message(Header(stamp=stamp, frame_id=FRAMES["left"]), self._head.depth_m))
+
+    def _enable_projector(self, request: Any, response: Any) -> Any:
+        self._laser_on = request.data
+        response.success = True
+        response.message = "the projector is on" if request.data else "the projector is off: views without fringes"
+        return response
+
+    def _capture_once(self, request: Any, response: Any) -> Any:
+        """Make the exposures of one result, at once: one, or steps + 1 made odd."""
+        count = needed_frames(self._pattern.step_count)
+        for _ in range(count):
+            self._expose()
+        response.success = True
+        response.message = f"{count} exposure(s) published"
+        return response
+
+    def _diagnose(self) -> None:
+        values = {"exposures": self._exposures, "laser on": self._laser_on}
+        values |= {name: self._values[name] for name in ("scene", "rate_hz", "seed", "phase_steps")}
+        level, text = (OK, "exposing") if self._laser_on else (WARN, "the projector is off")
+        self._diagnostics.publish([status_of("exposure", level, text, values)])
+
+
+def open_head(values: dict[str, Any]) -> VirtualHead:
+    """Return the simulated head that the parameters ask for; raises MoireError where there is no such."""
+    if values["bits"] not in (8, 16):
+        raise SettingsError(f"parameter bits is {values['bits']}; allowed are 8 and 16")
+    options = HeadOptions(noise=values["noise"], bits=values["bits"])
+    head = VirtualHead(values["scene"], values["seed"], options=options)
+    head.set_head(values["pan_rad"], values["tilt_rad"])
+    return head
+
+
+def main() -> int:
+    """Run the node; the console script."""
+    return run_node(VirtualHeadNode, USAGE)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
