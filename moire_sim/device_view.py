@@ -110,7 +110,7 @@ def tangent_depth(view: DeviceView, device_planes: Array, column: Array, row: Ar
     pixels = np.stack([column, row, np.ones_like(column)], axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = 1.0 / (device_planes * (pixels @ inverse.T)).sum(axis=-1)
-    return np.clip(np.nan_to_num(depth, nan=0.0), 0.9 * own_z, 1.1 * own_z)
+    return np.asarray(np.clip(np.nan_to_num(depth, nan=0.0), 0.9 * own_z, 1.1 * own_z))
 
 
 def tangent_planes(view: DeviceView, depth_m: Array) -> Array:
