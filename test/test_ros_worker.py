@@ -1,0 +1,96 @@
+"""The worker thread and the shared counters, without a node."""
+
+from __future__ import annotations
+
+import math
+from threading import Event, Thread
+
+from moire_sensor.ros.tally import Tally
+from moire_sensor.ros.worker import Worker
+
+TIMEOUT_S = 30.0
+
+
+def test_below_capacity_every_job_is_done_in_order() -> None:
+    done: list[int] = []
+    last = Event()
+
+    def work(job: int) -> None:
+        done.append(job)
+        if job == 99:
+            last.set()
+
+    pushed_out: list[int] = []
+    worker = Worker(work, pushed_out.append, queue_depth=100)
+    for job in range(100):
+        worker.submit(job)
+    assert last.wait(TIMEOUT_S)
+    worker.stop()
+    assert done == list(range(100))
+    assert pushed_out == []
+    assert worker.is_idle()
+
+
+def test_above_capacity_the_newest_are_done_and_the_rest_counted() -> None:
+    started, go_on, last = Event(), Event(), Event()
+    done: list[int] = []
+
+    def work(job: int) -> None:
+        started.set()
+        assert go_on.wait(TIMEOUT_S)
+        done.append(job)
+        if job == 49:
+            last.set()
+
+    pushed_out: list[int] = []
+    worker = Worker(work, pushed_out.append, queue_depth=2)
+    worker.submit(0)
+    assert started.wait(TIMEOUT_S)
+    for job in range(1, 50):
+        worker.submit(job)
+    assert not worker.is_idle()
+    go_on.set()
+    assert last.wait(TIMEOUT_S)
+    worker.stop()
+    assert done == [0, 48, 49]
+    assert sum(pushed_out) == 47
+
+
+def test_stop_finishes_the_job_under_way_and_counts_the_waiting_ones() -> None:
+    started, go_on = Event(), Event()
+    done: list[int] = []
+
+    def work(job: int) -> None:
+        started.set()
+        assert go_on.wait(TIMEOUT_S)
+        done.append(job)
+
+    pushed_out: list[int] = []
+    worker = Worker(work, pushed_out.append, queue_depth=10)
+    worker.submit(1)
+    assert started.wait(TIMEOUT_S)
+    worker.submit(2)
+    worker.submit(3)
+    stopper = Thread(target=worker.stop)
+    stopper.start()
+    go_on.set()
+    stopper.join(TIMEOUT_S)
+    assert not stopper.is_alive()
+    assert len(done) + sum(pushed_out) == 3
+    assert done[0] == 1
+
+
+def test_tally_counts_from_several_threads_and_keeps_the_last_text() -> None:
+    tally = Tally()
+    threads = [Thread(target=lambda: [tally.count("seen", "again") for _ in range(1000)]) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    snapshot = tally.snapshot()
+    assert snapshot.counts == {"seen": 4000}
+    assert snapshot.texts == {"seen": "again"}
+    assert math.isnan(snapshot.latency_s(50))
+    for value in (0.1, 0.2, 0.3):
+        tally.add_latency(value)
+    assert tally.snapshot().latency_s(50) == 0.2
