@@ -99,8 +99,7 @@ def analytic_capture(
     if rig is None:
         rig, projector_size = paper_rig(), projector_size or PROJECTOR_SIZE
     views = [
-        AnalyticView.of(surfaces, rig, projection, texture, projector_size)
-        for projection in (rig.P_left, rig.P_right)
+        AnalyticView.of(surfaces, rig, projection, texture, projector_size) for projection in (rig.P_left, rig.P_right)
     ]
     images: list[Grey] = []
     for camera, view in enumerate(views):

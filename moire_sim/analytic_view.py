@@ -71,9 +71,7 @@ def sample(
     device = rig.projector_pixels(points.T)
     lit = hit & (lambert > 0.0) & in_image(device, projector_size) & unobstructed(surfaces, light, points)
     albedo = np.where(hit, checker_albedo(points, texture), 0.0)
-    return Samples(
-        points, np.where(hit, surface, -1), lit, albedo, np.where(lit, albedo * lambert, 0.0), device[:, 0]
-    )
+    return Samples(points, np.where(hit, surface, -1), lit, albedo, np.where(lit, albedo * lambert, 0.0), device[:, 0])
 
 
 def in_image(pixels: Array, size: tuple[int, int] | None) -> Mask:
@@ -126,9 +124,7 @@ class AnalyticView:
         fine = sample(surfaces, rig, projection, fine_columns, fine_rows, texture, projector_size)
         return cls((height, width), centres, chosen, fine)
 
-    def picture(
-        self, pattern: FringePattern, step: int, light: Light
-    ) -> npt.NDArray[np.float32]:
+    def picture(self, pattern: FringePattern, step: int, light: Light) -> npt.NDArray[np.float32]:
         """Ideal grey levels (H, W): ``albedo ambient + reflectance (offset + amplitude signal)``, blurred."""
 
         def grey(samples: Samples, footprint_px: float) -> Array:
@@ -136,7 +132,5 @@ class AnalyticView:
             return samples.albedo * light.ambient + samples.reflectance * (light.offset + light.amplitude * signal)
 
         image = grey(self.centres, 1.0)
-        image[self.edge_pixels] = (
-            grey(self.fine, 1.0 / SUPERSAMPLES).reshape(-1, SUPERSAMPLES**2).mean(axis=1)
-        )
+        image[self.edge_pixels] = grey(self.fine, 1.0 / SUPERSAMPLES).reshape(-1, SUPERSAMPLES**2).mean(axis=1)
         return lens_blur(image.reshape(self.shape).astype(np.float32), light.blur_px)

@@ -12,6 +12,8 @@ Array = npt.NDArray[np.float64]
 # A point this far behind the buffer's surface is hidden: above what curvature bends within one pixel (0.02 mm on a
 # 20 mm pole at 1 m), below the thickness of anything that casts a shadow worth seeing.
 SHADOW_BIAS_M = 0.002
+# A tangent plane is followed to depths within this share of the point's own: a grazing one soon leaves the surface.
+TANGENT_REACH = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,49 +70,52 @@ def visible_share(view: DeviceView, depth_m: Array, points_m: Array, planes: Arr
     away are not seen.
     """
     width, height = view.size
-    pixels, own_z = projected(view, points_m)
-    inside = np.all((pixels > -0.5) & (pixels < np.array([width, height]) - 0.5), axis=-1) & (own_z > 0.0)
-    pixels = np.where(inside[..., None], pixels, 0.0)
-    own_z = np.where(inside, own_z, 1.0)
-    device_planes = planes_in_device(view, planes)
-    corner = np.floor(pixels)
-    part = pixels - corner
+    column, row, own_z = projected(view, points_m)
+    inside = (column > -0.5) & (column < width - 0.5) & (row > -0.5) & (row < height - 0.5) & (own_z > 0.0)
+    column, row, own_z = (np.where(inside, values, 1.0) for values in (column, row, own_z))
+    inverse_z = inverse_depth_in_pixels(view, planes)
+    nearest_z, furthest_z = (1.0 - TANGENT_REACH) * own_z, (1.0 + TANGENT_REACH) * own_z
+    filled = np.where(np.isfinite(depth_m), depth_m, np.inf)
+    first_column, first_row = np.floor(column), np.floor(row)
     seen = np.zeros(own_z.shape)
-    for across in (0, 1):
-        for down in (0, 1):
-            column = np.clip(corner[..., 0] + across, 0, width - 1)
-            row = np.clip(corner[..., 1] + down, 0, height - 1)
-            found = np.nan_to_num(depth_m[row.astype(np.intp), column.astype(np.intp)], nan=np.inf)
-            expected = tangent_depth(view, device_planes, column, row, own_z)
-            weight = np.abs(1 - across - part[..., 0]) * np.abs(1 - down - part[..., 1])
-            seen += weight * (found > expected - SHADOW_BIAS_M)
-    faces = (planes * (points_m - view.centre_m)).sum(axis=-1) > 0.0
+    for across, column_weight in ((0.0, 1.0 - (column - first_column)), (1.0, column - first_column)):
+        at_column = np.clip(first_column + across, 0, width - 1)
+        for down, row_weight in ((0.0, 1.0 - (row - first_row)), (1.0, row - first_row)):
+            at_row = np.clip(first_row + down, 0, height - 1)
+            expected = tangent_depth(inverse_z, at_column, at_row, nearest_z, furthest_z)
+            found = filled[at_row.astype(np.intp), at_column.astype(np.intp)]
+            seen += column_weight * row_weight * (found > expected - SHADOW_BIAS_M)
+    faces = dot(planes, points_m - view.centre_m) > 0.0
     return np.where(inside & faces, seen, 0.0).astype(np.float32)
 
 
-def projected(view: DeviceView, points_m: Array) -> tuple[Array, Array]:
-    """Pixels (..., 2) and own depths (...) of points (..., 3) in the left optical frame; NaN and behind stay so."""
+def dot(one: Array, two: Array) -> Array:
+    """Scalar products (...) of vectors (..., 3)."""
+    return np.asarray(np.einsum("...i,...i->...", one, two))
+
+
+def projected(view: DeviceView, points_m: Array) -> tuple[Array, Array, Array]:
+    """Columns, rows and own depths (...) of points (..., 3) in the left optical frame; NaN stays so."""
     own = view.to_device(points_m)
+    x, y, z = own[..., 0], own[..., 1], own[..., 2]
+    (fx, skew, cx), (_, fy, cy), _ = view.intrinsic
     with np.errstate(divide="ignore", invalid="ignore"):
-        image = own @ view.intrinsic.T
-        return np.asarray(image[..., :2] / image[..., 2:]), np.asarray(own[..., 2])
+        return np.asarray((fx * x + skew * y) / z + cx), np.asarray(fy * y / z + cy), np.asarray(z)
 
 
-def planes_in_device(view: DeviceView, planes: Array) -> Array:
-    """Carry planes ``q . X = 1`` (..., 3) to the device's frame."""
+def inverse_depth_in_pixels(view: DeviceView, planes: Array) -> Array:
+    """Coefficients (..., 3) of 1 / z = a column + b row + c, in the device's image, of planes ``q . X = 1``."""
     rotation, shift = view.device_from_left[:3, :3], view.device_from_left[:3, 3]
     turned = planes @ rotation.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(turned / (1.0 + turned @ shift)[..., None])
+        return np.asarray((turned @ np.linalg.inv(view.intrinsic)) / (1.0 + turned @ shift)[..., None])
 
 
-def tangent_depth(view: DeviceView, device_planes: Array, column: Array, row: Array, own_z: Array) -> Array:
-    """Depth (...) of the tangent plane at buffer pixels, kept within a tenth of the point's own depth."""
-    inverse = np.linalg.inv(view.intrinsic)
-    pixels = np.stack([column, row, np.ones_like(column)], axis=-1)
+def tangent_depth(inverse_z: Array, column: Array, row: Array, nearest_z: Array, furthest_z: Array) -> Array:
+    """Depth (...) of tangent planes at buffer pixels, within bounds that keep a grazing plane finite."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        depth = 1.0 / (device_planes * (pixels @ inverse.T)).sum(axis=-1)
-    return np.asarray(np.clip(np.nan_to_num(depth, nan=0.0), 0.9 * own_z, 1.1 * own_z))
+        depth = 1.0 / (inverse_z[..., 0] * column + inverse_z[..., 1] * row + inverse_z[..., 2])
+    return np.asarray(np.clip(depth, nearest_z, furthest_z))
 
 
 def tangent_planes(view: DeviceView, depth_m: Array) -> Array:
@@ -133,8 +138,9 @@ def tangent_planes(view: DeviceView, depth_m: Array) -> Array:
 
 def smooth_difference(values: Array, axis: int) -> Array:
     """Difference per pixel (H, W): central on smooth parts, on the smoother side beside an edge (ENO)."""
-    v = np.moveaxis(np.pad(values, [(2, 2) if a == axis else (0, 0) for a in (0, 1)], mode="reflect",
-                           reflect_type="odd"), axis, -1)
+    v = np.moveaxis(
+        np.pad(values, [(2, 2) if a == axis else (0, 0) for a in (0, 1)], mode="reflect", reflect_type="odd"), axis, -1
+    )
     steps = np.diff(v, axis=-1)
     bends = np.abs(np.diff(steps, axis=-1))
     before, after = steps[..., 1:-2], steps[..., 2:-1]

@@ -35,9 +35,7 @@ def lens_blur(image: Image, blur_px: float) -> Image:
     """Gaussian point spread of standard deviation ``blur_px``; 0 leaves the image as it is."""
     if blur_px <= 0.0:
         return image
-    return np.asarray(
-        cv2.GaussianBlur(image, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE), dtype=np.float32
-    )
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE), dtype=np.float32)
 
 
 def noise_generator(seed: int, exposure_index: int, camera: int) -> np.random.Generator:

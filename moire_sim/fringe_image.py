@@ -10,7 +10,7 @@ import numpy.typing as npt
 from moire_sensor.errors import SettingsError
 from moire_sensor.pattern import FringePattern
 from moire_sensor.rig import StereoRig
-from moire_sim.device_view import DeviceView, tangent_planes, visible_share
+from moire_sim.device_view import DeviceView, dot, tangent_planes, visible_share
 from moire_sim.exposure import lens_blur, projected_signal
 
 Array = npt.NDArray[np.float64]
@@ -104,8 +104,8 @@ def light_surfaces(
 def lambert_cosine(planes: Array, points_m: Array, light_m: Array) -> Array:
     """Cosine (...) between the normals of planes ``q . X = 1`` and the way to the light, at least 0."""
     away = points_m - light_m
-    scale = np.linalg.norm(planes, axis=-1) * np.linalg.norm(away, axis=-1)
-    return np.asarray(np.clip((planes * away).sum(axis=-1) / scale, 0.0, 1.0))
+    scale = np.sqrt(dot(planes, planes) * dot(away, away))
+    return np.asarray(np.clip(dot(planes, away) / scale, 0.0, 1.0))
 
 
 def fringe_picture(surfaces: Surfaces, pattern: FringePattern, step: int, light: Light) -> Image:

@@ -42,9 +42,7 @@ def box(
     return Body(vertices, quads_to_triangles(np.array(quads)), albedo)
 
 
-def upright_cylinder(
-    x_m: float, z_m: float, radius_m: float, top_m: float, bottom_m: float, albedo: float
-) -> Body:
+def upright_cylinder(x_m: float, z_m: float, radius_m: float, top_m: float, bottom_m: float, albedo: float) -> Body:
     """Cylinder between the heights ``top_m`` and ``bottom_m`` (y, down), with its ends."""
     angle = 2.0 * np.pi * np.arange(CYLINDER_SIDES) / CYLINDER_SIDES
     circle = np.stack([x_m + radius_m * np.cos(angle), z_m + radius_m * np.sin(angle)], axis=-1)

@@ -89,16 +89,12 @@ def room() -> tuple[Body, ...]:
 
 
 SCENES: dict[str, Scene] = {
-    "flat_board": Scene(
-        flat_board, {"distance_m": Option(1.0, 0.3, 3.0), "slope": Option(0.0, -1.5, 1.5)}
-    ),
+    "flat_board": Scene(flat_board, {"distance_m": Option(1.0, 0.3, 3.0), "slope": Option(0.0, -1.5, 1.5)}),
     "board_before_plane": Scene(board_before_plane, {"distance_m": Option(1.0, 0.4, 1.45)}),
     "convex_cylinder": Scene(
         convex_cylinder, {"distance_m": Option(1.1, 0.5, 1.4), "radius_m": Option(0.2, 0.05, 1.0)}
     ),
-    "free_form": Scene(
-        free_form, {"distance_m": Option(1.1, 0.6, 1.5), "amplitude_m": Option(0.04, 0.0, 0.08)}
-    ),
+    "free_form": Scene(free_form, {"distance_m": Option(1.1, 0.6, 1.5), "amplitude_m": Option(0.04, 0.0, 0.08)}),
     "cylinder_and_box": Scene(cylinder_and_box, {}),
     "room": Scene(room, {}),
 }

@@ -14,11 +14,12 @@ from moire_sensor.paper_rig import PROJECTOR_SIZE, paper_rig
 from moire_sensor.pattern import FringePattern
 from moire_sensor.rig import StereoRig
 from moire_sim.capture import Grey, HeadCapture, stacked
-from moire_sim.device_view import DeviceView, visible_share
+from moire_sim.device_view import DeviceView
 from moire_sim.errors import SimulatorError
 from moire_sim.exposure import exposed, noise_generator
-from moire_sim.fringe_image import LIT_SHARE, Image, Light, Surfaces, dark_picture, fringe_picture, light_surfaces
+from moire_sim.fringe_image import Image, Light, dark_picture, fringe_picture
 from moire_sim.scenes import scene_bodies
+from moire_sim.still_view import StillView, still_view
 
 if TYPE_CHECKING:
     from moire_sim.render_geometry import GeometryRenderer
@@ -49,16 +50,6 @@ class HeadOptions:
             raise SettingsError(f"noise is {self.noise}; it must be 0 to 50 grey levels")
         if self.bits not in (8, 16):
             raise SettingsError(f"bits is {self.bits}; it must be 8 or 16")
-
-
-@dataclass(frozen=True, eq=False)
-class StillView:
-    """Everything that stays while neither the scene nor the head moves."""
-
-    left: Surfaces
-    right: Surfaces
-    depth_m: npt.NDArray[np.float32]
-    covisible: npt.NDArray[np.bool_]
 
 
 class VirtualHead:
@@ -216,9 +207,7 @@ class VirtualHead:
 
     def _with_noise(self, pair: tuple[Image, Image], exposure_index: int) -> tuple[Grey, Grey]:
         left, right = (
-            exposed(
-                image, self.options.noise, noise_generator(self.seed, exposure_index, camera), self.options.bits
-            )
+            exposed(image, self.options.noise, noise_generator(self.seed, exposure_index, camera), self.options.bits)
             for camera, image in enumerate(pair)
         )
         return left, right
@@ -236,16 +225,3 @@ def open_renderer() -> type[GeometryRenderer]:
             "(Python 3.11) or pybullet-arm64 (Python 3.12 and 3.13)"
         ) from error
     return GeometryRenderer
-
-
-def still_view(
-    renderer: GeometryRenderer, rig: StereoRig, views: tuple[DeviceView, ...]
-) -> StillView:
-    """Render the cameras and the projector and work out light, shadow and visibility."""
-    left_view, right_view, projector = views
-    left, right, lamp = (renderer.render(view) for view in views)
-    left_surfaces = light_surfaces(rig, left_view, left.depth_m, left.albedo, projector, lamp.depth_m)
-    right_surfaces = light_surfaces(rig, right_view, right.depth_m, right.albedo, projector, lamp.depth_m)
-    seen_right = visible_share(right_view, right.depth_m, left_surfaces.points_m, left_surfaces.planes)
-    covisible = left_surfaces.lit & (seen_right >= LIT_SHARE)
-    return StillView(left_surfaces, right_surfaces, left.depth_m.astype(np.float32), covisible)

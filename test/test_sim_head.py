@@ -91,9 +91,7 @@ def test_a_shadow_is_dark_to_its_edge_and_only_there() -> None:
 def rotated_rig() -> StereoRig:
     """Projector to the left of the pair, turned in, with another focal length."""
     angle = 0.15
-    turn = np.array(
-        [[np.cos(angle), 0.02, -np.sin(angle)], [0.0, 1.0, 0.0], [np.sin(angle), 0.0, np.cos(angle)]]
-    )
+    turn = np.array([[np.cos(angle), 0.02, -np.sin(angle)], [0.0, 1.0, 0.0], [np.sin(angle), 0.0, np.cos(angle)]])
     u, _, vt = np.linalg.svd(turn)
     rotation = u @ vt
     intrinsic = np.array([[1000.0, 0.0, 480.0], [0.0, 1010.0, 260.0], [0.0, 0.0, 1.0]])
