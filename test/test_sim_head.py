@@ -19,6 +19,7 @@ from moire_sim import HeadCapture, HeadOptions, Light, SceneError, VirtualHead, 
 from moire_sim.analytic_scenes import SCENES, analytic_capture
 from moire_sim.analytic_surfaces import Box, Cylinder, Relief, Surface
 from moire_sim.scenes import scene_bodies
+from moire_sim.score import near_edges
 
 ROOT = Path(__file__).parents[1]
 CLEAN = HeadOptions(noise=0.0, bits=16)
@@ -70,6 +71,16 @@ def test_fringe_phase_is_exact_in_both_views(scene: str) -> None:
         assert np.abs(off_px).max() < 0.02  # issue 7, validation
         # Lambert's cosine on the mesh's facets.
         np.testing.assert_allclose(modulation, true_modulation, atol=1.0)
+
+
+@pytest.mark.parametrize("scene", ["convex_cylinder", "board_before_plane"])
+def test_fringe_phase_is_exact_up_to_the_blur_of_an_edge(scene: str) -> None:
+    rendered, traced = twins(scene)
+    clear = traced.lit & ~near_edges(traced, band_px=4.0)
+    off_rad = phase_and_modulation(rendered.left)[0] - phase_and_modulation(traced.left)[0]
+    off_px = np.angle(np.exp(1j * off_rad)) * PERIOD_PX / (2.0 * np.pi)
+    assert clear.mean() > 0.85
+    assert np.abs(off_px[clear]).max() < 0.02  # issue 7, validation
 
 
 def test_a_shadow_is_dark_to_its_edge_and_only_there() -> None:
