@@ -52,7 +52,7 @@ def voxel_numbers(points_m: Cloud, voxel_m: float) -> npt.NDArray[np.int64]:
     cells = np.floor(points_m / voxel_m).astype(np.int64)
     cells -= cells.min(axis=0)
     sides = cells.max(axis=0) + 1
-    numbers = (cells[:, 2] * sides[1] + cells[:, 1]) * sides[0] + cells[:, 0]
+    numbers: npt.NDArray[np.int64] = (cells[:, 2] * sides[1] + cells[:, 1]) * sides[0] + cells[:, 0]
     if math.prod(sides.tolist()) <= MAX_GRID_CELLS:
         return numbers
     return np.asarray(np.unique(numbers, return_inverse=True)[1])

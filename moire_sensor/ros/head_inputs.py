@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import QoSDurabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
 from moire_sensor.ros.qos import input_qos, latched_qos, overridable
@@ -18,8 +20,12 @@ STREAM_TOPICS: dict[str, tuple[str, Any]] = {
     "right": ("right/image_raw", Image),
     "state": ("projector/state", JointState),
 }
+# Sets that came before the camera infos; at 30 Hz the infos may come a third of a second late.
+HELD_SETS = 10
 INFO_TOPICS = {device: f"{device}/camera_info" for device in ("left", "right", "projector")}
 NANOSECONDS = 1_000_000_000
+LATCHED = QoSDurabilityPolicy.TRANSIENT_LOCAL
+Handler = Callable[[Any], None]
 
 
 def stamp_ns(message: Any) -> int:
@@ -36,20 +42,14 @@ class HeadInputs:
         self._take = take
         self._infos: dict[str, CameraInfo] = {}
         self._calibration: Calibration | None = None
-        for stream, (topic, kind) in STREAM_TOPICS.items():
-            self._subscribe(node, kind, topic, input_qos(reliable), self._stream_callback(stream))
+        self._held: deque[MatchedSet[Any]] = deque()
+        # Infos first: of messages that wait together, the executor handles the earlier subscription's first.
         for device, topic in INFO_TOPICS.items():
             callback = self._info_callback(device)
-            self._subscribe(node, CameraInfo, topic, input_qos(reliable), callback)
-            # Drivers publish infos with each image, a head or a bag perhaps once and latched: listen to both.
-            node.create_subscription(
-                CameraInfo,
-                topic,
-                callback,
-                latched_qos(),
-                event_callbacks=SubscriptionEventCallbacks(incompatible_qos=_expected),
-                qos_overriding_options=overridable("latched"),
-            )
+            matched = self._latched_listener(node, topic, callback)
+            self._subscribe(node, CameraInfo, topic, input_qos(reliable), callback, matched)
+        for stream, (topic, kind) in STREAM_TOPICS.items():
+            self._subscribe(node, kind, topic, input_qos(reliable), self._stream_callback(stream))
 
     @property
     def missing_infos(self) -> list[str]:
@@ -66,8 +66,11 @@ class HeadInputs:
     def clear(self, reason: str) -> None:
         """Forget what was not matched yet."""
         self.matcher.clear(reason)
+        self._held.clear()
 
-    def _subscribe(self, node: Any, kind: Any, topic: str, qos: Any, callback: Callable[[Any], None]) -> None:
+    def _subscribe(
+        self, node: Any, kind: Any, topic: str, qos: Any, callback: Handler, matched: Handler | None = None
+    ) -> None:
         def report(event: Any) -> None:
             policy = getattr(event.last_policy_kind, "name", str(event.last_policy_kind)).lower()
             self.incompatible[topic] = policy
@@ -81,25 +84,44 @@ class HeadInputs:
             topic,
             callback,
             qos,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=report),
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=report, matched=matched),
             qos_overriding_options=overridable(),
         )
 
-    def _stream_callback(self, stream: str) -> Callable[[Any], None]:
+    def _latched_listener(self, node: Any, topic: str, callback: Handler) -> Handler:
+        """Return a callback that listens to old messages too, once a publisher that keeps them is there.
+
+        Drivers publish infos with each image; a head or a bag publishes them perhaps once, latched. A latched
+        subscription from the start would make each publisher that does not latch warn of incompatible settings.
+        """
+        listening: list[Any] = []
+
+        def listen(event: Any) -> None:
+            publishers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+            if not listening and any(one.qos_profile.durability == LATCHED for one in publishers):
+                listening.append(node.create_subscription(CameraInfo, topic, callback, latched_qos()))
+
+        return listen
+
+    def _stream_callback(self, stream: str) -> Handler:
         def take_message(message: Any) -> None:
             matched = self.matcher.add(stream, stamp_ns(message), message)
             if matched is not None:
-                self._take(matched)
+                self._held.append(matched)
+                self._release()
 
         return take_message
 
-    def _info_callback(self, device: str) -> Callable[[Any], None]:
+    def _info_callback(self, device: str) -> Handler:
         def take_info(message: CameraInfo) -> None:
             self._infos[device] = message
             self._calibration = None
+            self._release()
 
         return take_info
 
-
-def _expected(event: Any) -> None:
-    """A publisher that does not latch is served by the other subscription."""
+    def _release(self) -> None:
+        """Hand on what is held once all infos are there; before that, only what is too much to hold."""
+        most = HELD_SETS if self.missing_infos else 0
+        while len(self._held) > most:
+            self._take(self._held.popleft())

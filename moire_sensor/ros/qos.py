@@ -45,6 +45,6 @@ def input_qos(reliable: bool) -> QoSProfile:
     )
 
 
-def overridable(entity: str | None = None) -> QoSOverridingOptions:
-    """Let the user override each policy by ``qos_overrides`` parameters; ``entity`` names a second one of a topic."""
-    return QoSOverridingOptions(OVERRIDABLE, entity_id=entity)
+def overridable() -> QoSOverridingOptions:
+    """Let the user override each policy by ``qos_overrides`` parameters."""
+    return QoSOverridingOptions(OVERRIDABLE)

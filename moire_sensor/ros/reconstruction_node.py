@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import sys
 import traceback
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
-from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from moire_sensor.errors import ImageError, MoireError, PatternError, RigError
@@ -21,12 +18,12 @@ from moire_sensor.reconstructor import Reconstructor
 from moire_sensor.ros.camera_messages import FRAMES
 from moire_sensor.ros.diagnostics import DiagnosticsPublisher
 from moire_sensor.ros.executable import run_node
-from moire_sensor.ros.frame_ring import Frame, FrameRing, pattern_of
+from moire_sensor.ros.frame_ring import Frame, FrameRing
 from moire_sensor.ros.head_inputs import HeadInputs
-from moire_sensor.ros.image_messages import GreyImage, grey_image
 from moire_sensor.ros.parameters import changed_values, declare, refuse_unknown
-from moire_sensor.ros.projector_state import ProjectorState, projector_state
+from moire_sensor.ros.projector_state import projector_state
 from moire_sensor.ros.qos import overridable, publisher_qos
+from moire_sensor.ros.reconstruction_job import Exposure, Job, reconstruct
 from moire_sensor.ros.reconstruction_report import (
     GATHERING,
     RECONSTRUCTED,
@@ -35,11 +32,10 @@ from moire_sensor.ros.reconstruction_report import (
     UNWATCHED,
     Report,
 )
-from moire_sensor.ros.reconstruction_settings import SPECS, OutputSettings, SensorSettings, read_settings
+from moire_sensor.ros.reconstruction_settings import SPECS, read_settings
 from moire_sensor.ros.result_publisher import ResultPublisher
-from moire_sensor.ros.sensor_cache import Calibration, SensorCache
+from moire_sensor.ros.sensor_cache import SensorCache
 from moire_sensor.ros.set_matcher import MatchedSet
-from moire_sensor.ros.shot_messages import unknown_share
 from moire_sensor.ros.tally import Tally
 from moire_sensor.ros.worker import Worker
 
@@ -49,27 +45,11 @@ Depth, cloud and disparity from the topics of a head in the same namespace (defa
 """
 NAMESPACE = "head"
 WARNING_PERIOD_S = 5.0
-REASONS = {ImageError: "bad image", PatternError: "bad projector state", RigError: "bad calibration"}
-
-
-@dataclass(frozen=True)
-class Exposure:
-    """The images of one exposure, as they came."""
-
-    header: Header
-    left: Image
-    right: Image
-
-
-@dataclass(frozen=True)
-class Job:
-    """What the worker needs for one result; the header is that of the middle frame."""
-
-    header: Header
-    frames: tuple[Frame[Exposure], ...]
-    calibration: Calibration
-    settings: SensorSettings
-    output: OutputSettings
+REASONS: dict[type[MoireError], str] = {
+    ImageError: "bad image",
+    PatternError: "bad projector state",
+    RigError: "bad calibration",
+}
 
 
 class ReconstructionNode(Node):  # type: ignore[misc]
@@ -131,7 +111,7 @@ class ReconstructionNode(Node):  # type: ignore[misc]
             self._refuse("no camera info", f"nothing came yet on {', '.join(self._inputs.missing_infos)}")
             return
         left, right = matched.items["left"], matched.items["right"]
-        frame = Frame(matched.stamp_ns, state, Exposure(left.header, left, right))
+        frame = Frame(matched.stamp_ns, state, Exposure(left, right))
         frames = self._frames_for(frame)
         if frames is None:
             self._tally.count(GATHERING)
@@ -144,7 +124,7 @@ class ReconstructionNode(Node):  # type: ignore[misc]
         return self._ring.add(frame)
 
     def _submit(self, frames: tuple[Frame[Exposure], ...]) -> None:
-        stamp = frames[len(frames) // 2].item.header.stamp
+        stamp = frames[len(frames) // 2].item.left.header.stamp
         header = Header(stamp=stamp, frame_id=FRAMES["left"])
         self._done.publish(header)
         if not self._results.wanted():
@@ -155,35 +135,16 @@ class ReconstructionNode(Node):  # type: ignore[misc]
     def _work(self, job: Job) -> None:
         """In the worker's thread: reconstruct, publish; nothing that a message holds may end the thread."""
         try:
-            self._reconstruct(job)
+            result = reconstruct(job, self._cache)
+            self._results.publish(job.header, result.sensor, result.shot, job.output)
         except MoireError as error:
-            self._refuse(REASONS.get(type(error), "bad settings"), str(error))  # type: ignore[call-overload]
+            self._refuse(REASONS.get(type(error), "bad settings"), str(error))
         except Exception:
             self._refuse("internal error", traceback.format_exc())
-
-    def _reconstruct(self, job: Job) -> None:
-        states = tuple(frame.state for frame in job.frames)
-        pattern, first_step = pattern_of(states)
-        depth_range_m = job.settings.depth_range_m(states[-1].depth_range_m)
-        sensor = self._cache.sensor(job.calibration, pattern, depth_range_m, job.settings)
-        left, right = self._images(job)
-        shot = sensor.reconstruct(left, right, first_step)
-        self._results.publish(job.header, sensor, shot, job.output)
-        self._tally.count(RECONSTRUCTED)
-        self._tally.add_latency(self._age_s(job.header))
-        self._facts = describe(states[-1], depth_range_m, unknown_share(shot))
-
-    def _images(self, job: Job) -> tuple[GreyImage, GreyImage]:
-        """Return rectified images, (H, W) of one frame or (n, H, W) of several."""
-        pair = self._cache.pair(job.calibration)
-        rectified = [
-            pair.rectify(grey_image("left", frame.item.left), grey_image("right", frame.item.right))
-            for frame in job.frames
-        ]
-        if len(rectified) == 1:
-            return rectified[0]
-        left, right = zip(*rectified, strict=True)
-        return np.stack(left), np.stack(right)
+        else:
+            self._facts = result.facts()
+            self._tally.add_latency(self._age_s(job.header))
+            self._tally.count(RECONSTRUCTED)
 
     def _age_s(self, header: Header) -> float:
         now_ns = self.get_clock().now().nanoseconds
@@ -213,18 +174,6 @@ class ReconstructionNode(Node):  # type: ignore[misc]
     def _diagnose(self) -> None:
         statuses = self._report.statuses(self._inputs, self._tally.snapshot(), dict(self._facts))
         self._diagnostics.publish(statuses)
-
-
-def describe(state: ProjectorState, depth_range_m: tuple[float, float], unknown: float) -> dict[str, Any]:
-    """Return what the last result was made with, for the diagnostics."""
-    return {
-        "unknown share": unknown,
-        "min depth m": depth_range_m[0],
-        "max depth m": depth_range_m[1],
-        "fringe period px": state.fringe_period_px,
-        "step count": state.step_count,
-        "waveform": state.waveform,
-    }
 
 
 def main() -> int:

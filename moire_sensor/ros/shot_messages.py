@@ -14,7 +14,6 @@ from moire_sensor.errors import SettingsError
 from moire_sensor.rig import StereoRig
 from moire_sensor.ros.camera_messages import camera_info
 from moire_sensor.ros.image_messages import image_message
-from moire_sensor.shot import Shot
 
 DEPTH_ENCODINGS = ("32FC1", "16UC1")
 MAX_DEPTH_MM = 65535
@@ -74,8 +73,3 @@ def valid_window(rig: StereoRig, far_disparity_px: float) -> RegionOfInterest:
     last = width - 1 + min(0, math.floor(far_disparity_px + rig.disparity_at_infinity_px))
     first = min(max(first, 0), width)
     return RegionOfInterest(x_offset=first, y_offset=0, width=max(last + 1 - first, 0), height=height)
-
-
-def unknown_share(shot: Shot) -> float:
-    """Return the share of pixels without a depth, 0 to 1."""
-    return float(np.isnan(shot.depth_m).mean())
