@@ -73,7 +73,7 @@ class BagRecorder:
         for subscription in self._subscriptions:
             with subscription.handle:
                 while taken := subscription.handle.take_message(subscription.msg_type, subscription.raw):
-                    subscription.callback(taken[0])
+                    subscription.callback(*taken)
             self._node.destroy_subscription(subscription)
         self._writer.close()
 
@@ -95,7 +95,7 @@ class BagRecorder:
         write = partial(self._write, name, type_name)
         self._subscriptions.append(self._node.create_subscription(message, topic.name, write, quality, raw=True))
 
-    def _write(self, name: str, type_name: str, serialized: bytes) -> None:
+    def _write(self, name: str, type_name: str, serialized: bytes, info: dict[str, int]) -> None:
         connection = self._connections.get(name)
         if connection is None:
             offered = [bag_quality(one.qos_profile) for one in self._node.get_publishers_info_by_topic(name)]
@@ -103,7 +103,8 @@ class BagRecorder:
                 name, type_name, typestore=self._typestore, offered_qos_profiles=offered
             )
             self._connections[name] = connection
-        self._writer.write(connection, self._node.get_clock().now().nanoseconds, serialized)
+        # When the middleware got it, not when this callback ran: callbacks of several topics run in any order.
+        self._writer.write(connection, info["received_timestamp"], serialized)
         self.counts[name] += 1
 
 
