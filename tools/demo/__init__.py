@@ -1,0 +1,1 @@
+"""The demo: head and reconstruction as processes, a bag, a comparison with the truth, pictures, a report."""
