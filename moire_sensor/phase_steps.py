@@ -119,5 +119,6 @@ def frame_noise(frames: Float32, steps: StepFilter, parts: Float32, settings: Se
     squares = np.zeros(frames.shape[1:], dtype=np.float32)
     for frame, row in zip(frames, steps.design.astype(np.float32), strict=True):
         squares += (frame - np.tensordot(row, parts, axes=1)) ** 2
-    window = (NOISE_WINDOW_PX, NOISE_WINDOW_PX)
-    return np.asarray(np.sqrt(cv2.blur(squares, window) / freedom), dtype=np.float32)
+    # The running sums of the blur leave a rounding error that may be below zero.
+    mean_square = np.maximum(cv2.blur(squares, (NOISE_WINDOW_PX, NOISE_WINDOW_PX)), 0.0)
+    return np.asarray(np.sqrt(mean_square / freedom), dtype=np.float32)
