@@ -115,10 +115,13 @@ def scene_view(run: Run, recording: Recording, capture: HeadCapture) -> View:
 
 def run_capture(capture: Capture) -> list[tuple[Outcome, View]]:
     """Play a capture folder, with every method that its frames allow."""
+    return [run_capture_method(capture, method) for method in capture_methods(capture)]
+
+
+def capture_methods(capture: Capture) -> list[str]:
+    """Return the methods that can work on a capture's frames."""
     steps = capture.pattern.step_count
-    needed = needed_frames(steps)
-    methods = ["dense"] if steps < 3 or capture.frame_count < needed else ["phase_shift", "dense"]
-    return [run_capture_method(capture, method) for method in methods]
+    return ["dense"] if steps < 3 or capture.frame_count < needed_frames(steps) else ["phase_shift", "dense"]
 
 
 def run_capture_method(capture: Capture, method: str) -> tuple[Outcome, View]:
