@@ -8,34 +8,34 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.depth_refine import Match
+from moire_sensor.order_cost import REACH_PX, difference
 from moire_sensor.phase_carrier import Float32
+from moire_sensor.settings import Settings
 
 SAME_SURFACE_PX = 1.0
+MISMATCH_WEIGHT = np.float32(0.5)
 SPECKLE_STEPS_PER_PX = 8
 
 
-def believed(match: Match, max_mismatch_rad: float, min_segment_px: int) -> npt.NDArray[np.bool_]:
+def believed(
+    match: Match, misfit: Float32, amplitude: Float32, images: tuple[Float32, Float32], settings: Settings
+) -> npt.NDArray[np.bool_]:
     """Pixels (H, W) whose disparity passes all checks."""
     disparity = match.disparity_px.copy()
-    disparity[~(match.mismatch_rad <= mismatch_gate_rad(match.mismatch_rad, max_mismatch_rad))] = np.nan
+    fits = (match.mismatch_rad <= settings.max_mismatch_rad) & (misfit <= settings.max_misfit)
+    disparity[~fits] = np.nan
     unique = np.empty(disparity.shape, dtype=np.bool_)
-    keep_unique(disparity, match.mismatch_rad, unique)
+    keep_unique(disparity, match.mismatch_rad, amplitude, *images, unique)
     disparity[~unique] = np.nan
-    return np.isfinite(without_specks(disparity, min_segment_px))
-
-
-def mismatch_gate_rad(mismatch_rad: Float32, largest_rad: float) -> float:
-    """Six robust standard deviations of this image's own mismatch, at most ``largest_rad``, at least a fifth of it."""
-    known = mismatch_rad[np.isfinite(mismatch_rad)]
-    typical = float(np.median(known[::7])) if known.size else 0.0
-    return float(np.clip(6.0 * 1.4826 * typical, 0.2 * largest_rad, largest_rad))
+    return np.isfinite(without_specks(disparity, settings.min_segment_px))
 
 
 @njit(parallel=True, cache=True)
-def keep_unique(disparity, mismatch, unique):  # type: ignore[no-untyped-def]
-    """Of the left pixels that claim one right pixel from different surfaces only the best match stays."""
+def keep_unique(disparity, mismatch, amplitude, left, right, unique):  # type: ignore[no-untyped-def]
+    """Of the left pixels that claim one right pixel from different surfaces only the one that looks like it stays."""
     height, width = disparity.shape
-    for y in prange(height):
+    for row in prange(height):
+        y = np.int64(row)
         winner = np.full(width, -1, dtype=np.int64)
         for x in range(width):
             unique[y, x] = False
@@ -44,15 +44,29 @@ def keep_unique(disparity, mismatch, unique):  # type: ignore[no-untyped-def]
             column = int(np.floor(x - disparity[y, x] + 0.5))
             if 0 <= column < width:
                 rival = winner[column]
-                if rival < 0 or mismatch[y, x] < mismatch[y, rival]:
+                if rival < 0:
+                    winner[column] = x
+                    continue
+                here = differs(disparity, mismatch, amplitude, left, right, y, x)
+                if here < differs(disparity, mismatch, amplitude, left, right, y, rival):
                     winner[column] = x
         for x in range(width):
             if np.isnan(disparity[y, x]):
                 continue
             column = int(np.floor(x - disparity[y, x] + 0.5))
             if 0 <= column < width:
-                rival = winner[column]
-                unique[y, x] = abs(disparity[y, rival] - disparity[y, x]) <= SAME_SURFACE_PX
+                unique[y, x] = abs(disparity[y, winner[column]] - disparity[y, x]) <= SAME_SURFACE_PX
+
+
+@njit(inline="always", fastmath=False)
+def differs(disparity, mismatch, amplitude, left, right, y, x):  # type: ignore[no-untyped-def]
+    """How badly a match fits: grey levels over three rows, in fringe amplitudes, and the mismatch of the phases."""
+    total = np.float32(0.0)
+    first, last = max(y - 1, 0), min(y + 1, disparity.shape[0] - 1)
+    for yy in range(first, last + 1):
+        total += difference(left, right, yy, x, x - disparity[y, x], REACH_PX)
+    grey = total / np.float32(last - first + 1) / max(amplitude[y, x], np.float32(1.0))
+    return grey + MISMATCH_WEIGHT * mismatch[y, x]
 
 
 def without_specks(disparity_px: Float32, min_segment_px: int) -> Float32:

@@ -13,6 +13,7 @@ from moire_sensor.order_cost import OrderRange, disparity_of_phase, right_phase
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.settings import Settings
 
 ITERATIONS = 3
 
@@ -38,19 +39,22 @@ def refine(
     carriers: tuple[Carrier, Carrier],
     projector: ProjectorMap,
     orders: OrderRange,
-    systematic_rad: float,
+    settings: Settings,
 ) -> Match:
-    """Generalised least squares of both phases against the projector's, errors common to both cameras included.
+    """Generalised least squares of both phases against the projector's, systematic errors included.
 
-    With the covariance [[sL^2 + g^2, g^2], [g^2, sR^2 + g^2]] a rig whose projector stands between the cameras measures
-    left against right, where the common error g cancels; one whose projector stands far outside measures against it.
+    The covariance is [[sL^2 + g^2, g^2], [g^2, sR^2 + a^2 + g^2]]: noise of each camera, an error g common to both
+    (gamma, motion) and the misalignment a of the rectified pair. So a rig whose projector stands between the cameras
+    measures left against right, where g cancels; one whose projector stands far outside measures against it. The
+    predicted sigma is that of the noise alone.
     """
     shape = label.shape
     result = np.full((3, *shape), np.nan, dtype=np.float32)
     left, right = phases
     solve_disparity(
         label, orders.first, left.offset_rad, right.offset_rad, left.sigma_rad, right.sigma_rad,
-        carriers[0].phase_rad, carriers[1].phase_rad, projector.packed(), systematic_rad, result,
+        carriers[0].phase_rad, carriers[1].phase_rad, projector.packed(), settings.common_error_rad,
+        settings.alignment_px, result,
     )  # fmt: skip
     return Match(result[0], result[1], result[2])
 
@@ -65,7 +69,7 @@ def phase_of_disparity(map_, x, y, disparity):  # type: ignore[no-untyped-def]
 
 
 @njit(parallel=True, cache=True)
-def solve_disparity(label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, common, result):  # type: ignore[no-untyped-def]
+def solve_disparity(label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, common, alignment, result):  # type: ignore[no-untyped-def]
     """Fill ``result`` (3, H, W): disparity, sigma, mismatch."""
     height, width = label.shape
     for y in prange(height):
@@ -85,20 +89,20 @@ def solve_disparity(label, first, left, right, left_sigma, right_sigma, left_rad
             g2 = common * common
             v1 = left_sigma[y, x] ** 2 + 1e-10
             v2 = right_sigma[y, at] ** 2 + 1e-10
-            information = 0.0
+            a2 = (alignment * (right_rad[y, 1] - right_rad[y, 0])) ** 2
+            w11, w22, w12 = v2 + a2 + g2, v1 + g2, -g2
+            sigma = np.float64(np.nan)
             for _ in range(ITERATIONS):
                 expected, slope1 = phase_of_disparity(map_, x, y, disparity)
                 seen, along = right_phase(right, right_rad, y, x - disparity)
                 if np.isnan(seen):
                     break
                 slope2 = slope1 + along
-                r1 = phase - expected
-                r2 = wrap(np.float32(seen - expected))
-                determinant = (v1 + g2) * (v2 + g2) - g2 * g2
-                w11, w22, w12 = (v2 + g2) / determinant, (v1 + g2) / determinant, -g2 / determinant
-                information = w11 * slope1 * slope1 + w22 * slope2 * slope2 + 2.0 * w12 * slope1 * slope2
-                pull = slope1 * (w11 * r1 + w12 * r2) + slope2 * (w12 * r1 + w22 * r2)
-                disparity += pull / information
+                gain1, gain2 = w11 * slope1 + w12 * slope2, w12 * slope1 + w22 * slope2
+                norm = gain1 * slope1 + gain2 * slope2
+                residual = wrap(np.float32(seen - expected))
+                disparity += (gain1 * (phase - expected) + gain2 * residual) / norm
+                sigma = np.sqrt(gain1 * gain1 * v1 + gain2 * gain2 * v2) / norm
             if not np.isnan(seen):
                 result[0, y, x] = disparity
-                result[1, y, x] = 1.0 / np.sqrt(information)
+                result[1, y, x] = sigma

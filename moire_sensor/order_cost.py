@@ -19,6 +19,12 @@ from moire_sensor.projector_map import ProjectorMap
 
 # A mismatch of 90 degrees is as bad as any: orders that are off land 34 to 163 degrees away in the paper's rig.
 FULL_MISMATCH_RAD = np.float32(np.pi / 2.0)
+FLAT_RAD = np.float32(0.6)
+FLAT_COST = np.float32(0.15)
+RIVAL_RAD = np.float32(0.9)
+REACH_PX = 4
+SEARCH_PX = np.float32(1.2)
+GREY_WEIGHT = np.float32(1.0)
 UNSEEN_COST = np.float32(0.6)
 BLOCKED_COST = np.float32(3.0)
 RANGE_MARGIN_PX = 0.5
@@ -52,13 +58,13 @@ class OrderRange:
 
 
 def order_costs(
-    left: PhaseImage, right: PhaseImage, carriers: tuple[Carrier, Carrier], projector: ProjectorMap, orders: OrderRange
+    left: PhaseImage, right: PhaseImage, images: tuple[Float32, Float32], carriers: tuple[Carrier, Carrier], projector: ProjectorMap, orders: OrderRange
 ) -> Float32:
     """Cost 0..1 of every candidate order, (H, W, labels) float32; 3 outside the depth range, 0 where phase is unknown."""
     cost = np.empty((*left.offset_rad.shape, orders.count), dtype=np.float32)
     limits = (orders.min_disparity_px - RANGE_MARGIN_PX, orders.max_disparity_px + RANGE_MARGIN_PX)
     fill_costs(
-        left.offset_rad, right.offset_rad, left.amplitude, right.amplitude, carriers[0].phase_rad,
+        left.offset_rad, right.offset_rad, left.amplitude, images[0], images[1], carriers[0].phase_rad,
         carriers[1].phase_rad, projector.packed(), orders.first, limits[0], limits[1], cost,
     )  # fmt: skip
     return cost
@@ -87,30 +93,75 @@ def right_phase(offset, carrier_rad, y, column):  # type: ignore[no-untyped-def]
     return carrier + near + part * step, carrier_step + step
 
 
+@njit(inline="always", fastmath=False)
+def difference(left, right, y, x, column, reach):  # type: ignore[no-untyped-def]
+    """Mean absolute difference of grey levels between left pixels around x and right pixels around a column."""
+    width = left.shape[1]
+    base = int(np.floor(column))
+    part = np.float32(column - base)
+    total = np.float32(0.0)
+    count = 0
+    for shift in range(-reach, reach + 1, 2):
+        at = base + shift
+        if 0 <= x + shift < width and 0 <= at < width - 1:
+            seen = right[y, at] + part * (right[y, at + 1] - right[y, at])
+            total += abs(left[y, x + shift] - seen)
+            count += 1
+    return total / np.float32(count) if count > 1 else np.float32(np.inf)
+
+
+@njit(inline="always", fastmath=False)
+def smallest_difference(left, right, y, x, column, reach):  # type: ignore[no-untyped-def]
+    """Difference at the best of three columns: shading moves the match of two phases by a pixel or so."""
+    here = difference(left, right, y, x, column, reach)
+    before = difference(left, right, y, x, column - SEARCH_PX, reach)
+    after = difference(left, right, y, x, column + SEARCH_PX, reach)
+    return min(here, min(before, after))
+
+
 @njit(parallel=True, cache=True)
-def fill_costs(left, right, left_b, right_b, left_rad, right_rad, map_, first, low, high, cost):  # type: ignore[no-untyped-def]
+def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, first, low, high, cost):  # type: ignore[no-untyped-def]
     """Fill ``cost`` (H, W, labels)."""
     height, width, labels = cost.shape
-    for y in prange(height):
+    for row in prange(height):
+        y = np.int64(row)
+        matched = np.empty(labels, dtype=np.float32)
         for x in range(width):
             offset = left[y, x]
             if np.isnan(offset):
                 cost[y, x, :] = np.float32(0.0)
                 continue
-            base = left_rad[y, x] + offset
+            rivals = 0
             for label in range(labels):
-                phase = base + np.float32(2.0 * np.pi) * np.float32(first + label)
+                phase = left_rad[y, x] + offset + np.float32(2.0 * np.pi) * np.float32(first + label)
                 disparity = disparity_of_phase(map_, x, y, phase)
+                matched[label] = np.float32(np.nan)
                 if not (low <= disparity <= high):
                     cost[y, x, label] = BLOCKED_COST
                     continue
+                cost[y, x, label] = UNSEEN_COST
                 column = x - disparity
                 if column < -0.5 or column > width - 0.5:
-                    cost[y, x, label] = UNSEEN_COST
                     continue
-                seen, _ = right_phase(right, right_rad, y, column)
+                seen, slope = right_phase(right, right_rad, y, column)
                 if np.isnan(seen):
-                    cost[y, x, label] = UNSEEN_COST
                     continue
-                mismatch = abs(wrap(np.float32(phase - seen))) / FULL_MISMATCH_RAD
-                cost[y, x, label] = min(mismatch, np.float32(1.0))
+                mismatch = wrap(np.float32(phase - seen))
+                cost[y, x, label] = phase_cost(abs(mismatch))
+                if abs(mismatch) < RIVAL_RAD:
+                    matched[label] = column + mismatch / slope
+                    rivals += 1
+            if rivals > 1:
+                for label in range(labels):
+                    if not np.isnan(matched[label]):
+                        grey = smallest_difference(left_i, right_i, y, x, matched[label], REACH_PX)
+                        grey *= GREY_WEIGHT / max(left_b[y, x], np.float32(1.0))
+                        cost[y, x, label] += min(grey, np.float32(1.0))
+
+
+@njit(inline="always", fastmath=False)
+def phase_cost(mismatch):  # type: ignore[no-untyped-def]
+    """Nearly flat up to the error that shading can put into a single-shot phase, 1 from a quarter turn on."""
+    if mismatch < FLAT_RAD:
+        return FLAT_COST * mismatch / FLAT_RAD
+    return min(FLAT_COST + (np.float32(1.0) - FLAT_COST) * (mismatch - FLAT_RAD) / (FULL_MISMATCH_RAD - FLAT_RAD), np.float32(1.0))

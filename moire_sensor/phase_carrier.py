@@ -13,6 +13,7 @@ from moire_sensor.projector_map import ProjectorMap
 
 Float32 = npt.NDArray[np.float32]
 MIN_WINDOW_PX = 5
+DETUNED_BINS = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +26,7 @@ class Carrier:
     cos, sin : (H, W) float32 of it.
     rad_per_px : (H, W) float32, its derivative along the row.
     inverse : (H, W, 6) float32, upper triangle of the inverse normal matrix of (1, cos, -sin) over the window.
+    detuned : (bins, 9) float32, moments of a fringe off the carrier's frequency, see :func:`detuned_table`.
     half_width_px, half_height_px : the window holds 2 n + 1 columns and rows.
     ripple : factor of the phase error ``ripple * e * sin(2 phase)`` when the fringe is e times finer than the carrier.
     """
@@ -34,6 +36,7 @@ class Carrier:
     sin: Float32
     rad_per_px: Float32
     inverse: Float32
+    detuned: Float32
     half_width_px: int
     half_height_px: int
     ripple: float
@@ -59,7 +62,9 @@ class Carrier:
         cos, sin = np.cos(phase), np.sin(phase)
         inverse = inverse_normal_matrices(cos, sin, half_width, half_height_px)
         ripple = ripple_factor(float(np.median(np.abs(rad_per_px))), half_width)
-        float32 = [np.ascontiguousarray(array, dtype=np.float32) for array in (phase, cos, sin, rad_per_px, inverse)]
+        detuned = detuned_table(rad_per_px, half_width, half_height_px)
+        tables = (phase, cos, sin, rad_per_px, inverse, detuned)
+        float32 = [np.ascontiguousarray(table, dtype=np.float32) for table in tables]
         return cls(*float32, half_width, half_height_px, ripple)
 
 
@@ -101,6 +106,27 @@ def inverse_normal_matrices(
     inverse = np.linalg.inv(matrix)
     upper = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
     return np.stack([inverse[..., row, column] for row, column in upper], axis=-1)
+
+
+def detuned_table(
+    rad_per_px: npt.NDArray[np.float64], half_width: int, half_height: int
+) -> npt.NDArray[np.float64]:
+    """What the fit needs to know of the column t (D cos - C sin) that a small change of frequency adds.
+
+    Row k belongs to the k-th of ``DETUNED_BINS`` frequencies between the smallest and largest of the image: the
+    frequency, the window's sums of t sin, t sin cos, t^2 cos^2, t^2 sin^2, and the inverse normal matrices of (1, cos)
+    (upper triangle) and of (sin).
+    """
+    speeds = np.abs(rad_per_px)
+    t = np.arange(-half_width, half_width + 1, dtype=np.float64)
+    rows = 2 * half_height + 1
+    table = []
+    for speed in np.linspace(speeds.min(), speeds.max(), DETUNED_BINS):
+        cos, sin = np.cos(speed * t), np.sin(speed * t)
+        even = rows * np.array([[t.size, cos.sum()], [cos.sum(), cos @ cos]])
+        moments = [rows * (t @ sin), rows * (t * sin @ cos), rows * (t * cos @ (t * cos)), rows * (t * sin @ (t * sin))]
+        table.append([speed, *moments, *np.linalg.inv(even)[np.triu_indices(2)], 1.0 / (rows * (sin @ sin))])
+    return np.array(table)
 
 
 def ripple_factor(rad_per_px: float, half_width: int) -> float:

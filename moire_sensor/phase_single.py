@@ -21,6 +21,8 @@ BAND_ROWS = 32
 # A shifted window is taken only when it fits clearly better: the variance of a fit over 85 samples scatters by 16 %.
 SHIFT_PENALTY = (1.0, 1.5, 2.0)
 UNUSABLE = np.float32(1e30)
+# Squared second differences below this many variances of a fit are noise: 6 for independent fits, twice that, twice.
+NOISE_SHARE = np.float32(32.0)
 
 
 def phase_from_single(image: Float32, carrier: Carrier, step_rad: float, settings: Settings) -> PhaseImage:
@@ -39,13 +41,19 @@ def phase_from_single(image: Float32, carrier: Carrier, step_rad: float, setting
     """
     shape = image.shape
     fit = np.empty((4, *shape), dtype=np.float32)
-    fit_windows(image, carrier.cos, carrier.sin, carrier.inverse, carrier.half_width_px, carrier.half_height_px, fit)
+    fit_windows(
+        image, carrier.cos, carrier.sin, carrier.rad_per_px, carrier.inverse, carrier.detuned, carrier.half_width_px,
+        carrier.half_height_px, fit,
+    )  # fmt: skip
     slope = np.empty((2, *shape), dtype=np.float32)
     measure_slopes(fit, carrier.rad_per_px, carrier.half_width_px, carrier.half_height_px, slope)
     remove_ripple(fit, carrier.phase_rad, carrier.rad_per_px, slope, np.float32(carrier.ripple))
+    samples = (2 * carrier.half_width_px + 1) * (2 * carrier.half_height_px + 1)
+    offset = np.empty(shape, dtype=np.float32)
+    sharpen(fit, carrier.half_width_px, samples, offset)
+    fit[0] = offset
     picked = np.empty((5, *shape), dtype=np.float32)
     pick_windows(fit, slope, carrier.half_width_px, carrier.half_height_px, picked)
-    samples = (2 * carrier.half_width_px + 1) * (2 * carrier.half_height_px + 1)
     return to_phase_image(image, picked, step_rad, samples, settings)
 
 
@@ -67,16 +75,16 @@ def to_phase_image(
 
 
 @njit(parallel=True, fastmath=True, cache=True)
-def fit_windows(image, cos, sin, inverse, half_width, half_height, fit):  # type: ignore[no-untyped-def]
+def fit_windows(image, cos, sin, rad_per_px, inverse, detuned, half_width, half_height, fit):  # type: ignore[no-untyped-def]
     """Fill ``fit`` (4, H, W): offset_rad, background, amplitude, residual variance of the window centred there."""
     height, width = image.shape
     bands = (height + BAND_ROWS - 1) // BAND_ROWS
-    degrees = np.float32((2 * half_width + 1) * (2 * half_height + 1) - 3)
     for band in prange(bands):
         column = np.zeros((4, width), dtype=np.float32)
-        first = max(band * BAND_ROWS, half_height)
-        last = min((band + 1) * BAND_ROWS, height - half_height)
-        for y in range(band * BAND_ROWS, min((band + 1) * BAND_ROWS, height)):
+        start = np.int64(band) * BAND_ROWS
+        first = max(start, half_height)
+        last = min(start + BAND_ROWS, height - half_height)
+        for y in range(start, min(start + BAND_ROWS, height)):
             if y < half_height or y >= height - half_height:
                 fit[3, y, :] = UNUSABLE
         if first < last:
@@ -85,7 +93,7 @@ def fit_windows(image, cos, sin, inverse, half_width, half_height, fit):  # type
         for y in range(first, last):
             below = y + half_height
             add_row(column, image[below], cos[below], sin[below], np.float32(1.0))
-            fit_row(column, inverse[y], half_width, degrees, fit[:, y])
+            fit_row(column, cos[y], sin[y], rad_per_px[y], inverse[y], detuned, half_width, half_height, fit[:, y])
             above = y - half_height
             add_row(column, image[above], cos[above], sin[above], np.float32(-1.0))
 
@@ -102,36 +110,66 @@ def add_row(column, values, cos, sin, sign):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always", fastmath=True)
-def fit_row(column, inverse, half_width, degrees, fit):  # type: ignore[no-untyped-def]
+def fit_row(column, cos, sin, rad_per_px, inverse, detuned, half_width, half_height, fit):  # type: ignore[no-untyped-def]
     """Fit every window of one row from the column sums."""
     width = column.shape[1]
+    half = np.float32(half_width)
+    samples = np.float32((2 * half_width + 1) * (2 * half_height + 1))
     for x in range(half_width):
         fit[3, x] = UNUSABLE
         fit[3, width - 1 - x] = UNUSABLE
-    s0 = s1 = s2 = s3 = np.float32(0.0)
+    s0 = s1 = s2 = s3 = t1 = t2 = np.float32(0.0)
     for x in range(2 * half_width):
         s0 += column[0, x]
         s1 += column[1, x]
         s2 += column[2, x]
         s3 += column[3, x]
+        t1 += np.float32(x - half_width) * column[1, x]
+        t2 += np.float32(x - half_width) * column[2, x]
     for x in range(half_width, width - half_width):
         new, old = x + half_width, x - half_width
         s0 += column[0, new]
         s1 += column[1, new]
         s2 += column[2, new]
         s3 += column[3, new]
+        t1 += half * column[1, new]
+        t2 += half * column[2, new]
         i = inverse[x]
         mean = i[0] * s0 + i[1] * s1 - i[2] * s2
         real = i[1] * s0 + i[3] * s1 - i[4] * s2
         imaginary = i[2] * s0 + i[4] * s1 - i[5] * s2
+        left_over = s3 - mean * s0 - real * s1 + imaginary * s2
+        left_over -= detuning_power(mean, real, imaginary, t1, t2, cos[x], sin[x], rad_per_px[x], detuned)
         fit[0, x] = fast_atan2(imaginary, real)
         fit[1, x] = mean + np.float32(128.0)
         fit[2, x] = np.sqrt(real * real + imaginary * imaginary)
-        fit[3, x] = max(s3 - mean * s0 - real * s1 + imaginary * s2, np.float32(0.0)) / degrees
+        fit[3, x] = max(left_over, np.float32(0.0)) / (samples - np.float32(4.0))
         s0 -= column[0, old]
         s1 -= column[1, old]
         s2 -= column[2, old]
         s3 -= column[3, old]
+        t1 += half * column[1, old] - s1
+        t2 += half * column[2, old] - s2
+
+
+@njit(inline="always", fastmath=True)
+def detuning_power(mean, real, imaginary, t1, t2, cos, sin, rad_per_px, detuned):  # type: ignore[no-untyped-def]
+    """Part of the squared residual that a fringe slightly off the carrier's frequency explains.
+
+    With the fit C cos + D sin about the window's centre, a frequency off by e adds e t (D cos - C sin); what of that
+    column is square to (1, cos, sin) meets the residual.
+    """
+    low, high = detuned[0, 0], detuned[detuned.shape[0] - 1, 0]
+    part = (abs(rad_per_px) - low) / max(high - low, np.float32(1e-9)) * np.float32(detuned.shape[0] - 1)
+    k = detuned[min(max(int(part + np.float32(0.5)), 0), detuned.shape[0] - 1)]
+    sign = np.float32(1.0) if rad_per_px > np.float32(0.0) else np.float32(-1.0)
+    c, d = real * cos - imaginary * sin, -(imaginary * cos + real * sin)
+    along_1, along_c, along_s = -c * k[1], -c * k[2], d * k[2]
+    bound = along_1 * (k[5] * along_1 + np.float32(2.0) * k[6] * along_c) + k[7] * along_c * along_c
+    free = d * d * k[3] + c * c * k[4] - bound - k[8] * along_s * along_s
+    t_cos, t_sin = sign * (t1 * cos + t2 * sin), sign * (t2 * cos - t1 * sin)
+    met = d * t_cos - c * t_sin - mean * along_1 - c * along_c - d * along_s
+    return met * met / max(free, np.float32(1.0))
 
 
 @njit(inline="always", fastmath=True)
@@ -189,6 +227,32 @@ def remove_ripple(fit, carrier_rad, rad_per_px, slope, ripple):  # type: ignore[
                 detuning = slope[0, y, x] / rad_per_px[y, x]
                 absolute = carrier_rad[y, x] + fit[0, y, x]
                 fit[0, y, x] -= ripple * detuning * np.sin(np.float32(2.0) * absolute)
+
+
+@njit(parallel=True, fastmath=True, cache=True)
+def sharpen(fit, half_width, samples, offset):  # type: ignore[no-untyped-def]
+    """Fill ``offset`` (H, W): the fit's offset less the bias that curvature gives a mean over the window.
+
+    A phase with second derivative k reads k <t^2> / 2 too high. The second difference of three fits half a window
+    apart tells k, where all three fit equally well; what noise alone would give is left out.
+    """
+    height, width = offset.shape
+    share = np.float32((2 * half_width + 1) ** 2 - 1) / np.float32(24.0 * half_width * half_width)
+    for y in prange(height):
+        for x in range(width):
+            offset[y, x] = fit[0, y, x]
+            if x < 2 * half_width or x >= width - 2 * half_width:
+                continue
+            worst = max(fit[3, y, x - half_width], fit[3, y, x + half_width])
+            if worst > np.float32(4.0) * fit[3, y, x] + np.float32(4.0):
+                continue
+            before = wrap(fit[0, y, x] - fit[0, y, x - half_width])
+            after = wrap(fit[0, y, x + half_width] - fit[0, y, x])
+            bias = share * (after - before)
+            noise2 = fit[3, y, x] / (fit[2, y, x] * fit[2, y, x] + np.float32(1.0)) / np.float32(samples)
+            power = bias * bias
+            floor = NOISE_SHARE * share * share * noise2
+            offset[y, x] -= bias * max(power - floor, np.float32(0.0)) / max(power, np.float32(1e-12))
 
 
 @njit(parallel=True, fastmath=True, cache=True)

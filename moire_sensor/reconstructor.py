@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.depth_check import believed
+from moire_sensor.depth_patch import rematch
 from moire_sensor.depth_refine import Match, refine
 from moire_sensor.errors import ImageError, SettingsError
 from moire_sensor.order_cost import OrderRange, order_costs
@@ -104,10 +105,13 @@ class Reconstructor:
         if images[0].shape != images[1].shape:
             raise ImageError(f"{len(left)} left frames came with {len(right)} right ones; give as many of each")
         phases = self._measure_phases(images, first_step)
-        cost = order_costs(*phases, self._carriers, self._projector, self._orders)
+        middle = images[0].shape[0] // 2
+        greys = (images[0][middle], images[1][middle])
+        cost = order_costs(*phases, greys, self._carriers, self._projector, self._orders)
         label, margin = choose_orders(cost, phases[0].offset_rad, self.settings.jump_cost)
-        match = refine(label, phases, self._carriers, self._projector, self._orders, self.settings.systematic_rad)
-        keep = believed(match, self.settings.max_mismatch_rad, self.settings.min_segment_px)
+        match = refine(label, phases, self._carriers, self._projector, self._orders, self.settings)
+        match, misfit = rematch(match, greys, phases, self._carriers[0], self._projector, self.settings)
+        keep = believed(match, misfit, phases[0].amplitude, greys, self.settings)
         return self._shot(phases[0], match, margin, keep)
 
     def _checked(self, name: str, image: Images) -> Float32:

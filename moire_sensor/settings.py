@@ -28,8 +28,11 @@ class Settings:
     min_amplitude_to_noise: float = setting(2.0, 0.0, 100.0, "smallest ratio of fringe amplitude to fit residual")
     half_height_px: int = setting(2, 0, 10, "rows above and below that a single-shot window takes in, pixels")  # type: ignore[assignment]
     jump_cost: float = setting(0.8, 0.0, 10.0, "cost of a depth jump between neighbours, in units of a full mismatch")
-    systematic_rad: float = setting(0.03, 0.0, 1.0, "phase error common to both cameras (gamma, motion), radians")
-    max_mismatch_rad: float = setting(0.6, 0.01, 3.0, "largest left-right phase mismatch that is believed, radians")
+    common_error_rad: float = setting(0.03, 0.0, 1.0, "phase error common to both cameras (gamma, motion), radians")
+    alignment_px: float = setting(0.15, 0.0, 5.0, "column error of the stereo calibration, pixels")
+    doubt_rad: float = setting(0.1, 0.0, 3.0, "left-right phase mismatch from which grey levels are matched, radians")
+    max_mismatch_rad: float = setting(1.2, 0.01, 3.0, "largest left-right phase mismatch that is believed, radians")
+    max_misfit: float = setting(0.15, 0.0, 1.0, "largest grey-level difference of matched patches, fringe amplitudes")
     max_motion_rad: float = setting(0.8, 0.0, 3.0, "largest phase drift from frame to frame that is believed, radians")
     image_noise: float = setting(1.5, 0.01, 50.0, "camera noise where the frames cannot tell it, grey levels of 255")
     min_segment_px: int = setting(60, 0, 100000, "smallest connected surface that is kept, pixels")  # type: ignore[assignment]
