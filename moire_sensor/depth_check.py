@@ -17,17 +17,19 @@ MISMATCH_WEIGHT = np.float32(0.5)
 SPECKLE_STEPS_PER_PX = 8
 
 
-def believed(
-    match: Match, misfit: Float32, amplitude: Float32, images: tuple[Float32, Float32], settings: Settings
+def fits(match: Match, misfit: Float32, settings: Settings) -> npt.NDArray[np.bool_]:
+    """Pixels (H, W) whose phases and grey levels agree well enough."""
+    agrees = (match.mismatch_rad <= settings.max_mismatch_rad) & (misfit <= settings.max_misfit)
+    return np.asarray(agrees & np.isfinite(match.disparity_px))
+
+
+def is_unique(
+    disparity_px: Float32, mismatch_rad: Float32, amplitude: Float32, images: tuple[Float32, Float32]
 ) -> npt.NDArray[np.bool_]:
-    """Pixels (H, W) whose disparity passes all checks."""
-    disparity = match.disparity_px.copy()
-    fits = (match.mismatch_rad <= settings.max_mismatch_rad) & (misfit <= settings.max_misfit)
-    disparity[~fits] = np.nan
-    unique = np.empty(disparity.shape, dtype=np.bool_)
-    keep_unique(disparity, match.mismatch_rad, amplitude, *images, unique)
-    disparity[~unique] = np.nan
-    return np.isfinite(without_specks(disparity, settings.min_segment_px))
+    """Pixels (H, W) with a disparity whose right pixel no better match of another surface claims."""
+    unique = np.empty(disparity_px.shape, dtype=np.bool_)
+    keep_unique(disparity_px, mismatch_rad, amplitude, *images, unique)
+    return unique
 
 
 @njit(parallel=True, cache=True)

@@ -17,8 +17,8 @@ TURN = np.float32(2.0 * np.pi)
 STRIPE_COLUMNS = 64
 
 
-def choose_orders(cost: Float32, offset_rad: Float32, jump_cost: float) -> tuple[npt.NDArray[np.int8], Float32]:
-    """Return the best label (H, W) int8, -1 where the phase is unknown, and its margin over the second (H, W).
+def path_costs(cost: Float32, offset_rad: Float32, jump_cost: float) -> Float32:
+    """Cost of every candidate with what its row and column say, (H, W, labels) float32.
 
     Parameters
     ----------
@@ -31,10 +31,25 @@ def choose_orders(cost: Float32, offset_rad: Float32, jump_cost: float) -> tuple
     jump = np.float32(jump_cost)
     add_row_paths(cost, offset_rad, jump, total)
     add_column_paths(cost, offset_rad, jump, total)
+    return total
+
+
+def best_orders(total: Float32, offset_rad: Float32) -> tuple[npt.NDArray[np.int8], Float32]:
+    """Return the cheapest label (H, W) int8, -1 where the phase is unknown, and its margin over the second (H, W)."""
     label = np.empty(offset_rad.shape, dtype=np.int8)
     margin = np.empty(offset_rad.shape, dtype=np.float32)
     take_best(total, offset_rad, label, margin)
     return label, margin
+
+
+def next_orders(total: Float32, label: npt.NDArray[np.int8], refused: npt.NDArray[np.bool_]) -> npt.NDArray[np.int8]:
+    """Return the second cheapest label where the first was refused, -1 elsewhere and where there is no second."""
+    rows, columns = np.nonzero(refused & (label >= 0))
+    others = total[rows, columns]
+    others[np.arange(rows.size), label[rows, columns]] = np.inf
+    following = np.full(label.shape, -1, dtype=np.int8)
+    following[rows, columns] = np.argmin(others, axis=1)
+    return following
 
 
 @njit(inline="always", fastmath=False)

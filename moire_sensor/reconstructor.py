@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from moire_sensor.depth_check import believed
+from moire_sensor.depth_check import fits, is_unique, without_specks
 from moire_sensor.depth_patch import rematch
 from moire_sensor.depth_refine import Match, refine
 from moire_sensor.errors import ImageError, SettingsError
 from moire_sensor.order_cost import OrderRange, order_costs
-from moire_sensor.order_path import choose_orders
+from moire_sensor.order_path import best_orders, next_orders, path_costs
 from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
@@ -108,11 +108,34 @@ class Reconstructor:
         middle = images[0].shape[0] // 2
         greys = (images[0][middle], images[1][middle])
         cost = order_costs(*phases, greys, self._carriers, self._projector, self._orders)
-        label, margin = choose_orders(cost, phases[0].offset_rad, self.settings.jump_cost)
+        total = path_costs(cost, phases[0].offset_rad, self.settings.jump_cost)
+        label, margin = best_orders(total, phases[0].offset_rad)
+        match = self._match(label, phases, greys)
+        refused = self._refused(label, match, phases, greys)
+        match = merged(match, self._match(next_orders(total, label, refused), phases, greys), refused)
+        keep = ~self._refused(label, match, phases, greys)
+        return self._shot(phases[0], match, margin, keep)
+
+    def _match(
+        self, label: npt.NDArray[np.int8], phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32]
+    ) -> Match:
+        """Disparities of the chosen orders; NaN where phases or grey levels do not fit."""
         match = refine(label, phases, self._carriers, self._projector, self._orders, self.settings)
         match, misfit = rematch(match, greys, phases, self._carriers[0], self._projector, self.settings)
-        keep = believed(match, misfit, phases[0].amplitude, greys, self.settings)
-        return self._shot(phases[0], match, margin, keep)
+        match.disparity_px[~fits(match, misfit, self.settings)] = np.nan
+        return match
+
+    def _refused(
+        self,
+        label: npt.NDArray[np.int8],
+        match: Match,
+        phases: tuple[PhaseImage, PhaseImage],
+        greys: tuple[Float32, Float32],
+    ) -> npt.NDArray[np.bool_]:
+        """Pixels with a phase whose order cannot stay: no match, its right pixel taken, or a speck."""
+        unique = is_unique(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
+        disparity = np.where(unique, match.disparity_px, np.float32(np.nan))
+        return (label >= 0) & ~np.isfinite(without_specks(disparity, self.settings.min_segment_px))
 
     def _checked(self, name: str, image: Images) -> Float32:
         """Images as float32 (n, H, W), grey levels scaled to 255 at saturation."""
@@ -172,6 +195,15 @@ class Reconstructor:
         turns = self._projector.phase_rad_at(columns, rows, disparity_px.astype(np.float64)) / (2.0 * np.pi)
         known = np.isfinite(turns)
         return np.where(known, np.floor(np.where(known, turns, 0.0) + 0.5), UNKNOWN_ORDER).astype(np.int16)
+
+
+def merged(first: Match, second: Match, where_second: npt.NDArray[np.bool_]) -> Match:
+    """Take the second match at the pixels told."""
+    return Match(
+        np.where(where_second, second.disparity_px, first.disparity_px),
+        np.where(where_second, second.sigma_px, first.sigma_px),
+        np.where(where_second, second.mismatch_rad, first.mismatch_rad),
+    )
 
 
 def check_choices(depth_range_m: tuple[float, float], method: str, saturation_level: float) -> None:
