@@ -144,7 +144,7 @@ def build(wanted: Stamp, stamp: Optional[Stamp]) -> None:
     if STAMP.exists():
         STAMP.unlink()
     (VENV / "COLCON_IGNORE").touch()
-    constraints = numpy_constraint(wanted["ros"])
+    constraints = ros_constraints(wanted["ros"])
     ros_wheels = ROS_WHEELS if wanted["ros"] == "wheels" else []
     print("set-up: installing the libraries, about a minute the first time", flush=True)
     run([venv_python(), "-m", "pip", "install", "-q", *constraints, *ros_wheels, "-e", str(ROOT) + "[dev]"])
@@ -158,13 +158,14 @@ def venv_python() -> str:
     return str(VENV / "bin" / "python")
 
 
-def numpy_constraint(ros: str) -> List[str]:
-    """Pip options that keep the numpy a sourced ROS was compiled against: its message types break with another."""
+def ros_constraints(ros: str) -> List[str]:
+    """Pip options that suit a sourced ROS: the numpy its message types were compiled against, and a pytest that its
+    launch_testing plug-in, loaded by every test run, can work with."""
     if ros == "wheels":
         return []
     found = subprocess.run([sys.executable, "-c", "import numpy; print(numpy.__version__)"], stdout=subprocess.PIPE)
     path = VENV / "constraints.txt"
-    path.write_text(f"numpy=={found.stdout.decode().strip()}\n")
+    path.write_text(f"numpy=={found.stdout.decode().strip()}\npytest<9\n")
     return ["-c", str(path)]
 
 
