@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from moire_sensor.pattern import FringePattern
-from moire_sensor.rig import StereoRig
+from moire_sensor.rig import Array, StereoRig
 
 IMAGE_SIZE = (640, 480)
 PROJECTOR_SIZE = (960, 480)
@@ -17,7 +17,7 @@ REFERENCE_DEPTH_M, REFERENCE_FRINGE_M = 1.5, 0.020
 PERIOD_PX = REFERENCE_FRINGE_M * FX_PX / REFERENCE_DEPTH_M
 
 
-def parallel_projection(cx_px: float, x_m: float) -> np.ndarray:
+def parallel_projection(cx_px: float, x_m: float) -> Array:
     """Projection (3, 4) of a device at ``x_m`` on the x axis with the paper's focal lengths."""
     return np.array(
         [[FX_PX, 0.0, cx_px, -FX_PX * x_m], [0.0, FY_PX, CY_PX, 0.0], [0.0, 0.0, 1.0, 0.0]], dtype=np.float64
@@ -31,6 +31,7 @@ def paper_rig() -> StereoRig:
         parallel_projection(CX_PX, RIGHT_X_M),
         parallel_projection(PROJECTOR_CX_PX, PROJECTOR_X_M),
         IMAGE_SIZE,
+        projector_size=PROJECTOR_SIZE,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -10,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.errors import PatternError
+from moire_sensor.shot import UNKNOWN_ORDER
 
 Waveform = Literal["sine", "square"]
 WAVEFORMS: tuple[Waveform, ...] = ("sine", "square")
@@ -39,17 +41,11 @@ class FringePattern:
     waveform: Waveform = "sine"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "step_phases_rad", tuple(float(step) for step in self.step_phases_rad))
-        if not (math.isfinite(self.period_px) and self.period_px >= MIN_PERIOD_PX):
-            raise PatternError(
-                f"period_px is {self.period_px}; it must be finite and at least {MIN_PERIOD_PX} projector columns"
-            )
-        if not (math.isfinite(self.phase_rad) and all(map(math.isfinite, self.step_phases_rad))):
-            raise PatternError(
-                f"phases are {self.phase_rad} and steps {self.step_phases_rad}; all must be finite radians"
-            )
-        if not self.step_phases_rad:
-            raise PatternError("step_phases_rad is empty; give one entry per exposure, (0.0,) for a single shot")
+        object.__setattr__(self, "period_px", finite("period_px", self.period_px))
+        object.__setattr__(self, "phase_rad", finite("phase_rad", self.phase_rad))
+        object.__setattr__(self, "step_phases_rad", steps(self.step_phases_rad))
+        if self.period_px < MIN_PERIOD_PX:
+            raise PatternError(f"period_px is {self.period_px}; it must be at least {MIN_PERIOD_PX} projector columns")
         if self.waveform not in WAVEFORMS:
             raise PatternError(f"waveform is {self.waveform!r}; it must be one of {', '.join(WAVEFORMS)}")
 
@@ -77,6 +73,32 @@ class FringePattern:
         return np.sign(wave) if self.waveform == "square" else np.asarray(wave)
 
     def order_at(self, column_px: npt.ArrayLike) -> npt.NDArray[np.int16]:
-        """Fringe order ``floor(u / period_px + phase_rad / 2 pi + 1/2)`` of device columns (any shape)."""
+        """Fringe order ``floor(u / period_px + phase_rad / 2 pi + 1/2)`` of device columns (any shape).
+
+        The step's phase is not in it. -32768 where the column is NaN or too far out to count.
+        """
         turns = np.asarray(column_px, dtype=np.float64) / self.period_px + self.phase_rad / (2.0 * np.pi)
-        return np.floor(turns + 0.5).astype(np.int16)
+        order = np.floor(turns + 0.5)
+        known = np.abs(order) < -UNKNOWN_ORDER
+        return np.where(known, order, UNKNOWN_ORDER).astype(np.int16)
+
+
+def finite(name: str, value: float) -> float:
+    """Return a number, or raise PatternError naming it."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number) or isinstance(value, (bool, str)):
+        raise PatternError(f"{name} is {value!r}; it must be a finite number")
+    return number
+
+
+def steps(phases_rad: Iterable[float]) -> tuple[float, ...]:
+    """Return the step phases as a tuple, or raise PatternError."""
+    if isinstance(phases_rad, str) or not isinstance(phases_rad, Iterable):
+        raise PatternError(f"step_phases_rad is {phases_rad!r}; give a list of radians, (0.0,) for a single shot")
+    phases = tuple(finite("a phase of step_phases_rad", phase) for phase in phases_rad)
+    if not phases:
+        raise PatternError("step_phases_rad is empty; give one entry per exposure, (0.0,) for a single shot")
+    return phases

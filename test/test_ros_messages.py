@@ -106,7 +106,8 @@ def rotated_rig() -> StereoRig:
     projector = lens @ roll @ turn @ np.hstack([np.eye(3), [[-0.2], [0.03], [0.01]]])
     base = paper_rig()
     return StereoRig.from_projections(
-        base.P_left, base.P_right, projector, (640, 480), projector_distortion=(0.1, -0.05, 0.001, 0.002, 0.0)
+        base.P_left, base.P_right, projector, (640, 480), projector_distortion=(0.1, -0.05, 0.001, 0.002, 0.0),
+        projector_size=(1280, 800),
     )
 
 
