@@ -24,8 +24,8 @@ RECORDED = "head depth/image_rect depth/camera_info fringe_order/image status/im
 DEPTH_TOPIC = "/head/depth/image_rect"
 # The head waits for the recorder, the reconstruction, and a third subscriber that gives the start.
 SUBSCRIBERS = 3
-# Without any news for so long, something hangs; two busy cores start a process within some seconds.
-NEWS_TIMEOUT_S = 45.0
+# Without any news for so long, something hangs; a busy machine needs up to a minute to compile the kernels.
+NEWS_TIMEOUT_S = 120.0
 
 
 class DemoError(Exception):
@@ -101,7 +101,7 @@ def record(run: Run, node: Node, folder: Path, progress: Callable[[int], object]
     Raises
     ------
     DemoError
-        A node that ends early or not with 0, or nothing new for 45 s.
+        A node that ends early or not with 0, or nothing new for two minutes.
     """
     folder.mkdir(parents=True)
     recording = Recording(folder / "bag")

@@ -14,7 +14,8 @@ from tqdm import tqdm
 
 from moire_sensor.capture_folder import Capture, read_capture
 from moire_sensor.errors import MoireError
-from moire_sensor.paper_rig import paper_pattern
+from moire_sensor.paper_rig import paper_pattern, paper_rig
+from moire_sensor.reconstructor import Reconstructor
 from moire_sensor.ros.executable import use_large_message_profile
 from moire_sensor.ros.frame_ring import needed_frames
 from moire_sim import VirtualHead, scene_names
@@ -40,11 +41,13 @@ def main() -> int:
     folder = parser.parse_args().capture
     try:
         prepare(OUTPUT)
+        capture = folder and read_capture(folder)
+        compile_kernels()
         lock = isolate_ros()
         use_large_message_profile()
         rclpy.init()
         try:
-            outcomes = run_scenes() if folder is None else run_capture(read_capture(folder))
+            outcomes = run_capture(capture) if capture else run_scenes()
         finally:
             rclpy.try_shutdown()
             lock.close()
@@ -71,6 +74,13 @@ def prepare(output: Path) -> None:
     shutil.rmtree(output, ignore_errors=True)
     output.mkdir()
     marker.touch()
+
+
+def compile_kernels() -> None:
+    """Compile the kernels here, once, so that the nodes of every run load them in a moment."""
+    print("demo: compiling the kernels, up to a minute the first time", flush=True)
+    for method, steps in (("dense", 1), ("phase_shift", 4)):
+        Reconstructor(paper_rig(), paper_pattern(steps), method=method).warm_up()
 
 
 def record_with_progress(run: Run) -> Recording:
