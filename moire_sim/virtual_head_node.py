@@ -65,7 +65,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         self._head = open_head(values)
         self._exposures = 0
         self._laser_on = True
-        self._waiting = values["wait_for_subscribers"] > 0
+        self._awaited: int = values["wait_for_subscribers"]
         self._publisher = HeadPublisher(self, self._head.rig, PROJECTOR_SIZE)
         self._joints = self._make_publisher(JointState, "joint_states")
         self._truth = self._make_publisher(Image, "ground_truth/depth")
@@ -102,10 +102,9 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
             self._head.expose(self._pattern, step)
 
     def _tick(self) -> None:
-        awaited = self._values["wait_for_subscribers"]
-        if self._waiting and self._publisher.subscriber_count() < awaited:
+        if not self._publisher.has_audience(self._awaited):
             return
-        self._waiting = False
+        self._awaited = 0
         if not self._values["frames"] or self._exposures < self._values["frames"]:
             self._expose()
 

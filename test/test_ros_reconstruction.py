@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_head import Exposure, TestHead, pixels, stamp_of, time_of
-from ros_process import ros_node, start, stop
+from ros_head import Exposure, TestHead, pixels, running, stamp_of, time_of
+from ros_process import ros_node
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
@@ -56,16 +56,13 @@ def shot_of(scene: str = "plane_1000") -> Shot:
 
 @pytest.fixture(scope="module")
 def head() -> Iterator[TestHead]:
-    process = start("reconstruction", "reliable_input:=true", "queue_depth:=50", "diagnostics_period_s:=0.1")
-    with ros_node("test_head") as node:
+    process = running("reconstruction", "reliable_input:=true", "queue_depth:=50", "diagnostics_period_s:=0.1")
+    with process, ros_node("test_head") as node:
         under_test = TestHead(node)
         for topic, kind in RESULTS.items():
             under_test.listen(topic, kind)
         under_test.wait_for_subscribers()
         yield under_test
-    code, output = stop(process)
-    assert code == 0, output
-    assert "Traceback" not in output
 
 
 def test_depth_is_the_library_s_bit_for_bit_and_near_the_truth(head: TestHead) -> None:
@@ -236,13 +233,8 @@ def test_a_loop_gives_the_same_bits_again(head: TestHead) -> None:
 
 
 def set_parameter(head: TestHead, name: str, value: Any) -> Any:
-    client = head.node.create_client(SetParameters, "reconstruction/set_parameters")
-    head.wait(client.service_is_ready, "the parameter service")
     request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    future = client.call_async(request)
-    head.wait(future.done, "the answer")
-    head.node.destroy_client(client)
-    return future.result().results[0]
+    return head.call(SetParameters, "reconstruction/set_parameters", request).results[0]
 
 
 @pytest.mark.parametrize(

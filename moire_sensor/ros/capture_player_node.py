@@ -68,7 +68,7 @@ class CapturePlayerNode(Node):  # type: ignore[misc]
         )
 
     def _tick(self) -> None:
-        if self._head.subscriber_count() < self._awaited:
+        if not self._head.has_audience(self._awaited):
             return
         self._awaited = 0
         capture = self._capture

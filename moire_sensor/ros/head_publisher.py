@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 from rclpy.duration import Duration
@@ -14,6 +15,8 @@ from moire_sensor.ros.image_messages import GREY_TYPES, GreyImage, image_message
 from moire_sensor.ros.projector_state import ProjectorState, state_message
 from moire_sensor.ros.qos import latched_qos, overridable, publisher_qos
 
+# DDS tells a publisher of a subscriber before the subscriber knows of the publisher; what is sent between is lost.
+SETTLE_S = 0.5
 ENCODING_OF = {pixel: encoding for encoding, pixel in GREY_TYPES.items()}
 
 
@@ -26,6 +29,7 @@ class HeadPublisher:
     def __init__(self, node: Any, rig: StereoRig, projector_size: tuple[int, int]) -> None:
         self._rig = rig
         self._projector_size = projector_size
+        self._heard_at_s: float | None = None
         self._images = {side: self._publisher(node, Image, f"{side}/image_raw") for side in ("left", "right")}
         self._state = self._publisher(node, JointState, "projector/state")
         self._infos = {
@@ -39,10 +43,14 @@ class HeadPublisher:
     def _publisher(node: Any, kind: Any, topic: str) -> Any:
         return node.create_publisher(kind, topic, publisher_qos(), qos_overriding_options=overridable())
 
-    def subscriber_count(self) -> int:
-        """Return how many subscribers get whole sets: the least number among the topics of a set."""
-        count: int = min(one.get_subscription_count() for one in (*self._images.values(), self._state))
-        return count
+    def has_audience(self, awaited: int) -> bool:
+        """Tell whether each topic of a set has ``awaited`` subscribers, and has had them long enough to be heard."""
+        if awaited and min(one.get_subscription_count() for one in (*self._images.values(), self._state)) < awaited:
+            self._heard_at_s = None
+            return False
+        if self._heard_at_s is None:
+            self._heard_at_s = time.monotonic()
+        return not awaited or time.monotonic() - self._heard_at_s >= SETTLE_S
 
     def publish_infos(self, stamp: Any) -> None:
         """Publish the three camera infos; they stay available to those who subscribe later."""

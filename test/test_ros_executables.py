@@ -1,0 +1,78 @@
+"""Every executable: one clear line and exit code 1 on bad input, 0 on a signal, at the start and later."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sysconfig
+from pathlib import Path
+
+import pytest
+from ros_head import running
+from ros_process import TIMEOUT_S
+
+SCRIPTS = Path(sysconfig.get_path("scripts"))
+BAD = {
+    "reconstruction": {
+        ("-p", "method:=magic"): "allowed are dense, phase_shift",
+        ("-p", "mehtod:=dense"): "did you mean method?",
+        ("-p", "min_depth_m:=-1.0"): "a number from 0 to 100",
+        ("-p", "min_depth_m:=1.5", "-p", "max_depth_m:=1.0"): "the nearest must be the smaller",
+        ("-p", "queue_depth:=many"): "a whole number from 1 to 1000",
+        ("-p", "qos_overrides./head/left/image.subscription.depth:=3"): "qos_overrides./head/left/image_raw",
+        ("-p", "half_height_px:=99"): "a whole number from",
+        ("--params-file", "nowhere.yaml"): "nowhere.yaml",
+    },
+    "virtual_head": {
+        ("-p", "scene:=moon"): "flat_board",
+        ("-p", "scene:=flat_board:size=3"): "distance_m",
+        ("-p", "rate_hz:=-1"): "a number from 0",
+        ("-p", "waveform:=saw"): "allowed are sine, square",
+        ("-p", "bits:=12"): "allowed are 8 and 16",
+        ("-p", "pan_rad:=3.0"): "head_pan_joint",
+    },
+    "capture_player": {
+        (): "give the folder of a capture",
+        ("-p", "folder:=nowhere"): "there is no folder nowhere",
+        ("-p", "folder:=."): "rig.yaml",
+        ("-p", "folder:=.", "-p", "rate_hz:=0"): "a number from 0.01",
+    },
+}  # fmt: skip
+
+
+def run(name: str, arguments: tuple[str, ...]) -> subprocess.CompletedProcess[str]:
+    command = [str(SCRIPTS / name), *(("--ros-args", *arguments) if arguments else ())]
+    return subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "says"),
+    [(name, arguments, says) for name, cases in BAD.items() for arguments, says in cases.items()],
+)
+def test_bad_input_is_one_line_and_exit_code_1(name: str, arguments: tuple[str, ...], says: str) -> None:
+    done = run(name, arguments)
+    assert done.returncode == 1, done
+    # What rcl and pybullet say by themselves is not ours to silence.
+    lines = [line for line in done.stderr.splitlines() if "[rcl]" not in line and "pybullet build" not in line]
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("error: ")
+    assert says in lines[0]
+
+
+def test_arguments_that_are_no_ros_arguments_are_refused_and_help_is_given() -> None:
+    unknown = subprocess.run([str(SCRIPTS / "virtual_head"), "--scene", "room"], capture_output=True, text=True,
+                             timeout=TIMEOUT_S, check=False)  # fmt: skip
+    assert (unknown.returncode, unknown.stderr.count("\n")) == (1, 1)
+    assert "unknown argument '--scene room'" in unknown.stderr
+    asked = subprocess.run([str(SCRIPTS / "capture_player"), "--help"], capture_output=True, text=True,
+                           timeout=TIMEOUT_S, check=False)  # fmt: skip
+    assert asked.returncode == 0
+    assert "folder:=FOLDER" in asked.stdout
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", ["virtual_head", "reconstruction"])
+def test_a_signal_ends_a_ready_node_with_0_and_no_traceback(name: str, number: signal.Signals) -> None:
+    with running(name, number=number) as process:
+        assert process.stdout is not None
+        assert any("ready" in line for line in process.stdout), "the node ended before it was ready"
