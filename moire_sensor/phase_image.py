@@ -20,7 +20,7 @@ class PhaseImage:
     amplitude : float32, fringe amplitude b in grey levels of 255.
     background : float32, local mean a in grey levels of 255.
     sigma_rad : float32, predicted standard deviation of the phase.
-    status : uint8, Status.OK, UNLIT or SATURATED.
+    status : uint8, Status.OK where the phase is known, else UNLIT, SATURATED or MOVED.
     """
 
     offset_rad: Float32

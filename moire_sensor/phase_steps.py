@@ -1,13 +1,13 @@
 """Per-pixel phase from N shifted exposures, motion between them cancelled to the order that more frames allow.
 
-Each run of N successive frames gives a phase whose motion error alternates from run to run; their mean with binomial
-weights cancels it (binomial self-compensation, arXiv 2404.06693). Everything is linear in the frames, so the whole is
-one fixed filter along them.
+Each run of N successive frames gives a phase whose motion error turns by a known angle from run to run; their mean with
+weights that undo the turn cancels it. For four steps the error alternates and the weights are binomial (binomial
+self-compensation, arXiv 2404.06693); for any other number of equal steps they are complex. Everything is linear in the
+frames, so the whole is one fixed filter along them.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -23,6 +23,9 @@ from moire_sensor.shot import Status
 
 Array = npt.NDArray[np.float64]
 NOISE_WINDOW_PX = 7
+# Steps that differ by less than this, radians, are equal: a rig file holds eight or nine digits.
+EQUAL_STEPS = 1e-6
+MIN_FREEDOM = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +36,17 @@ class StepFilter:
     ----------
     weights : (3, n), frames to background, real and imaginary part of the fringe.
     design : (n, 3), the frames that those three would show without motion.
-    drift : (2, 3, n), the same as ``weights`` for the first and the last run of N frames.
-    run_count : number of runs of N frames.
+    runs : (r, 2, n), frames to real and imaginary part, by each run of N successive frames alone.
     """
 
     weights: Array
     design: Array
-    drift: Array
-    run_count: int
+    runs: Array
+
+    @property
+    def freedom(self) -> float:
+        """Expected sum of squares that the fit leaves over, for frames of unit noise variance."""
+        return float(((np.eye(self.design.shape[0]) - self.design @ self.weights) ** 2).sum())
 
     @classmethod
     def build(cls, step_phases_rad: tuple[float, ...], first_step: int, frame_count: int) -> StepFilter:
@@ -53,7 +59,7 @@ class StepFilter:
         """
         steps = len(step_phases_rad)
         if steps < 3:
-            raise PatternError(f"the pattern has {steps} steps; phase shifting needs at least 3, use with_equal_steps(4)")
+            raise PatternError(f"the pattern has {steps} steps; phase shifting needs 3: use with_equal_steps(4)")
         if frame_count < steps:
             raise PatternError(f"{frame_count} frames came for {steps} steps; give at least {steps}")
         phases = np.array([step_phases_rad[(first_step + frame) % steps] for frame in range(frame_count)])
@@ -65,8 +71,27 @@ class StepFilter:
             if np.linalg.cond(design[frames]) > 1e3:
                 raise PatternError(f"steps {step_phases_rad} rad do not determine a phase; spread them over a turn")
             filters[run, :, frames] = np.linalg.pinv(design[frames])
-        binomial = np.array([math.comb(runs - 1, run) for run in range(runs)]) / 2.0 ** (runs - 1)
-        return cls(np.tensordot(binomial, filters, axes=1), design, filters[[0, -1]], runs)
+        mean = run_weights(step_phases_rad, runs)
+        background = np.tensordot(np.abs(mean) / np.abs(mean).sum(), filters[:, 0], axes=1)
+        fringe = np.tensordot(mean, filters[:, 1] + 1j * filters[:, 2], axes=1)
+        return cls(np.stack([background, fringe.real, fringe.imag]), design, filters[:, 1:])
+
+
+def run_weights(step_phases_rad: tuple[float, ...], runs: int) -> npt.NDArray[np.complex128]:
+    """Weights (runs,) of successive runs whose sum is 1 and in which the motion error cancels.
+
+    A fringe that drifts puts a share of its mirror image, exp(-i phase), into a run's exp(i phase); from one run to
+    the next, s later in the programme, the share turns by -2 s. Each factor (1 - exp(2 i s) z) / (1 - exp(2 i s)) along
+    the runs cancels it once, to a higher order in the drift. Steps that are not equal get the binomial weights.
+    """
+    phases = np.asarray(step_phases_rad)
+    turns = np.exp(1j * (np.roll(phases, -1) - phases))
+    equal = np.abs(turns - turns[0]).max() < EQUAL_STEPS
+    turn = turns[0] ** 2 if equal else -1.0
+    weights = np.ones(1, dtype=np.complex128)
+    for _ in range(runs - 1):
+        weights = np.convolve(weights, np.array([1.0, -turn]) / (1.0 - turn))
+    return weights
 
 
 def phase_from_steps(frames: Float32, carrier: Carrier, steps: StepFilter, settings: Settings) -> PhaseImage:
@@ -80,7 +105,8 @@ def phase_from_steps(frames: Float32, carrier: Carrier, steps: StepFilter, setti
     Returns
     -------
     PhaseImage
-        NaN phase where dark (UNLIT), saturated in any frame (SATURATED) or moving too fast (MOVED).
+        NaN phase where dark (UNLIT), saturated in any frame (SATURATED) or moving too fast (MOVED). ``sigma_rad`` takes
+        what motion leaves over of the fit for noise.
     """
     background, real, imaginary = apply_filter(steps.weights, frames)
     amplitude = np.hypot(real, imaginary)
@@ -103,22 +129,25 @@ def apply_filter(weights: Array, frames: Float32) -> Float32:
 
 
 def drift_rad(frames: Float32, steps: StepFilter) -> Float32:
-    """Phase drift from frame to frame (H, W), radians, between the first and the last run; 0 with a single run."""
-    if steps.run_count < 2:
-        return np.zeros(frames.shape[1:], dtype=np.float32)
-    first, last = (apply_filter(weights[1:], frames) for weights in steps.drift)
-    turned = np.arctan2(last[1] * first[0] - last[0] * first[1], last[0] * first[0] + last[1] * first[1])
-    return np.asarray(np.abs(turned) / np.float32(steps.run_count - 1))
+    """Mean phase drift from frame to frame (H, W), radians, 0..pi, between successive runs; 0 with a single run."""
+    cross = np.zeros(frames.shape[1:], dtype=np.float32)
+    along = np.zeros(frames.shape[1:], dtype=np.float32)
+    before = apply_filter(steps.runs[0], frames)
+    for weights in steps.runs[1:]:
+        after = apply_filter(weights, frames)
+        cross += after[1] * before[0] - after[0] * before[1]
+        along += after[0] * before[0] + after[1] * before[1]
+        before = after
+    return np.asarray(np.abs(np.arctan2(cross, along)))
 
 
 def frame_noise(frames: Float32, steps: StepFilter, parts: Float32, settings: Settings) -> Float32:
     """Noise of one frame (H, W), grey levels, from what the fit leaves over; the setting where nothing is left over."""
-    freedom = frames.shape[0] - 3
-    if freedom == 0:
+    if steps.freedom < MIN_FREEDOM:
         return np.full(frames.shape[1:], settings.image_noise, dtype=np.float32)
     squares = np.zeros(frames.shape[1:], dtype=np.float32)
     for frame, row in zip(frames, steps.design.astype(np.float32), strict=True):
         squares += (frame - np.tensordot(row, parts, axes=1)) ** 2
-    # The running sums of the blur leave a rounding error that may be below zero.
-    mean_square = np.maximum(cv2.blur(squares, (NOISE_WINDOW_PX, NOISE_WINDOW_PX)), 0.0)
-    return np.asarray(np.sqrt(mean_square / freedom), dtype=np.float32)
+    # The running sums of blur may leave a little less than zero where nothing is left over.
+    mean = np.maximum(cv2.blur(squares, (NOISE_WINDOW_PX, NOISE_WINDOW_PX)), 0.0)
+    return np.asarray(np.sqrt(mean / steps.freedom), dtype=np.float32)

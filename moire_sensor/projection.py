@@ -16,6 +16,8 @@ MIN_SIDE_PX = 16
 LENS_SIZES = (0, 4, 5, 8, 12, 14)
 # Share of the volume that the rows of a matrix of their lengths could span; a real device has 0.1 to 1.
 SINGULAR = 1e-9
+# A matrix scaled already is left alone, so that a rig told and read again is the same to the bit.
+SAME_SCALE = 1e-12
 
 
 def check_image_size(image_size: Sequence[int], name: str = "image_size") -> tuple[int, int]:
@@ -32,7 +34,7 @@ def check_image_size(image_size: Sequence[int], name: str = "image_size") -> tup
 def numbers(name: str, values: Any, shape: tuple[int, ...]) -> Array:
     """Return finite float64 values of ``shape``, or raise RigError naming them."""
     try:
-        array = np.asarray(values, dtype=np.float64)
+        array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise RigError(f"{name} is not an array of numbers; it must have shape {shape}") from None
     if array.shape != shape:
@@ -58,7 +60,8 @@ def as_projection(name: str, matrix: npt.ArrayLike) -> Array:
     determinant = float(np.linalg.det(values[:, :3]))
     if not abs(determinant) > SINGULAR * float(lengths.prod()):
         raise RigError(f"{name} is singular (all zero?); calibrate the device and give its (3, 4) projection")
-    return np.asarray(values * (np.sign(determinant) / lengths[2]))
+    factor = float(np.sign(determinant) / lengths[2])
+    return values if abs(factor - 1.0) < SAME_SCALE else values * factor
 
 
 def split_projection(projection: Array) -> tuple[Array, Array, Array]:
@@ -66,12 +69,12 @@ def split_projection(projection: Array) -> tuple[Array, Array, Array]:
     matrix = projection[:, :3]
     position = -np.linalg.solve(matrix, projection[:, 3])
     if not np.tril(matrix, -1).any() and (np.diag(matrix) > 0.0).all():
-        return matrix / matrix[2, 2], np.eye(3), position  # no rounding where nothing is turned
+        return np.asarray(matrix / matrix[2, 2]), np.eye(3), np.asarray(position)  # not turned: nothing is rounded
     q, r = np.linalg.qr(matrix[::-1].T)
     intrinsic, rotation = r.T[::-1, ::-1], q.T[::-1]
     signs = np.sign(np.diag(intrinsic))
     intrinsic, rotation = intrinsic * signs, rotation * signs[:, None]
-    return np.asarray(intrinsic / intrinsic[2, 2]), np.asarray(rotation), position
+    return np.asarray(intrinsic / intrinsic[2, 2]), np.asarray(rotation), np.asarray(position)
 
 
 def device_pose(projection: Array) -> Array:
