@@ -17,7 +17,7 @@ from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
-ITERATIONS = 6
+ITERATIONS = 5
 LARGEST_MOVE_PX = 4.0
 HALF_HEIGHT = 2
 
@@ -84,13 +84,14 @@ def match_patches(left, right, doubtful, amplitude, half_width, noise, disparity
         for x in range(width):
             if not doubtful[y, x] or np.isnan(disparity[y, x]):
                 continue
+            enough = np.float32((3.0 * noise) ** 2)
             best_error = np.float32(np.inf)
             best, best_power = disparity[y, x], np.float32(1.0)
             for shift in (0, -half_width, half_width):
                 first, last = max(x + shift - half_width, 0), min(x + shift + half_width, width - 1)
-                if last - first < half_width:
+                if last - first < half_width or best_error < enough:
                     continue
-                found, error, power = match_patch(left, right, first, last, top, bottom, disparity[y, x])
+                found, error, power = match_patch(left, right, first, last, top, bottom, best)
                 error = error if shift == 0 else np.float32(1.5) * error
                 if error < best_error:
                     best, best_error, best_power = found, error, power
@@ -130,6 +131,6 @@ def match_patch(left, right, first, last, top, bottom, start):  # type: ignore[n
         moved += min(max(step, np.float32(-1.5)), np.float32(1.5))
         if abs(moved) > LARGEST_MOVE_PX:
             return start, np.float32(np.inf), power
-        if abs(step) < np.float32(0.01):
+        if abs(step) < np.float32(0.02):
             break
     return start + moved, error, power

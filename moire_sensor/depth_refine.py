@@ -15,7 +15,7 @@ from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
-ITERATIONS = 3
+ITERATIONS = 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from moire_sensor.projector_map import ProjectorMap
 FULL_MISMATCH_RAD = np.float32(np.pi / 2.0)
 FLAT_RAD = np.float32(0.6)
 FLAT_COST = np.float32(0.15)
-RIVAL_RAD = np.float32(0.9)
+RIVAL_RAD = np.float32(0.7)
 REACH_PX = 4
 SEARCH_PX = np.float32(1.2)
 GREY_WEIGHT = np.float32(1.0)
@@ -126,12 +126,13 @@ def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, 
     for row in prange(height):
         y = np.int64(row)
         matched = np.empty(labels, dtype=np.float32)
+        apart = np.empty(labels, dtype=np.float32)
         for x in range(width):
             offset = left[y, x]
             if np.isnan(offset):
                 cost[y, x, :] = np.float32(0.0)
                 continue
-            rivals = 0
+            closest = FULL_MISMATCH_RAD
             for label in range(labels):
                 phase = left_rad[y, x] + offset + np.float32(2.0 * np.pi) * np.float32(first + label)
                 disparity = disparity_of_phase(map_, x, y, phase)
@@ -148,12 +149,16 @@ def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, 
                     continue
                 mismatch = wrap(np.float32(phase - seen))
                 cost[y, x, label] = phase_cost(abs(mismatch))
-                if abs(mismatch) < RIVAL_RAD:
-                    matched[label] = column + mismatch / slope
+                apart[label] = abs(mismatch)
+                closest = min(closest, abs(mismatch))
+                matched[label] = column + mismatch / slope
+            rivals = 0
+            for label in range(labels):
+                if not np.isnan(matched[label]) and apart[label] < closest + RIVAL_RAD:
                     rivals += 1
             if rivals > 1:
                 for label in range(labels):
-                    if not np.isnan(matched[label]):
+                    if not np.isnan(matched[label]) and apart[label] < closest + RIVAL_RAD:
                         grey = smallest_difference(left_i, right_i, y, x, matched[label], REACH_PX)
                         grey *= GREY_WEIGHT / max(left_b[y, x], np.float32(1.0))
                         cost[y, x, label] += min(grey, np.float32(1.0))

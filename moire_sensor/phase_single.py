@@ -20,9 +20,11 @@ from moire_sensor.shot import Status
 BAND_ROWS = 32
 # A shifted window is taken only when it fits clearly better: the variance of a fit over 85 samples scatters by 16 %.
 SHIFT_PENALTY = (1.0, 1.5, 2.0)
+GOOD_SHARE = 1.3
 UNUSABLE = np.float32(1e30)
 # Squared second differences below this many variances of a fit are noise: 6 for independent fits, twice that, twice.
 NOISE_SHARE = np.float32(32.0)
+LARGEST_DETUNING = np.float32(0.6)
 
 
 def phase_from_single(image: Float32, carrier: Carrier, step_rad: float, settings: Settings) -> PhaseImage:
@@ -40,20 +42,20 @@ def phase_from_single(image: Float32, carrier: Carrier, step_rad: float, setting
         NaN phase where the fringe amplitude is below ``settings.min_amplitude`` or the window is saturated.
     """
     shape = image.shape
+    half_width, half_height = carrier.half_width_px, carrier.half_height_px
+    samples = (2 * half_width + 1) * (2 * half_height + 1)
     fit = np.empty((4, *shape), dtype=np.float32)
     fit_windows(
-        image, carrier.cos, carrier.sin, carrier.rad_per_px, carrier.inverse, carrier.detuned, carrier.half_width_px,
-        carrier.half_height_px, fit,
+        image, carrier.cos, carrier.sin, carrier.rad_per_px, carrier.inverse, carrier.detuned, half_width, half_height,
+        fit,
     )  # fmt: skip
-    slope = np.empty((2, *shape), dtype=np.float32)
-    measure_slopes(fit, carrier.rad_per_px, carrier.half_width_px, carrier.half_height_px, slope)
-    remove_ripple(fit, carrier.phase_rad, carrier.rad_per_px, slope, np.float32(carrier.ripple))
-    samples = (2 * carrier.half_width_px + 1) * (2 * carrier.half_height_px + 1)
-    offset = np.empty(shape, dtype=np.float32)
-    sharpen(fit, carrier.half_width_px, samples, offset)
-    fit[0] = offset
-    picked = np.empty((5, *shape), dtype=np.float32)
-    pick_windows(fit, slope, carrier.half_width_px, carrier.half_height_px, picked)
+    offset, slope = np.empty(shape, dtype=np.float32), np.empty((2, *shape), dtype=np.float32)
+    remove_ripple(
+        fit, carrier.phase_rad, carrier.rad_per_px, half_width, half_height, np.float32(carrier.ripple), offset, slope
+    )
+    picked = np.empty((4, *shape), dtype=np.float32)
+    good = np.float32(GOOD_SHARE * np.median(fit[3, half_height::11, half_width::7]))
+    pick_windows(fit, offset, slope, half_width, half_height, samples, good, picked)
     return to_phase_image(image, picked, step_rad, samples, settings)
 
 
@@ -186,101 +188,104 @@ def slope_along(before2, before, here, after, after2, var_b2, var_b, var_h, var_
     return wrap(here - before2) / span if best == left else wrap(after2 - here) / span
 
 
-@njit(parallel=True, fastmath=True, cache=True)
-def measure_slopes(fit, rad_per_px, half_width, half_height, slope):  # type: ignore[no-untyped-def]
-    """Fill ``slope`` (2, H, W): derivative of the offset along x and y, rad per pixel, on the fit's own side of edges.
+@njit(inline="always", fastmath=True)
+def rough_sine(angle):  # type: ignore[no-untyped-def]
+    """Sine to 1e-3: it only scales a correction of at most a few hundredths of a radian."""
+    x = wrap(angle)
+    curve = np.float32(1.27323954) * x - np.float32(0.405284735) * x * abs(x)
+    return np.float32(0.775) * curve + np.float32(0.225) * curve * abs(curve)
 
-    The span is half a period, over which the ripple of a detuned fit cancels.
+
+@njit(parallel=True, fastmath=True, cache=True)
+def remove_ripple(fit, carrier_rad, rad_per_px, half_width, half_height, ripple, offset, slope):  # type: ignore[no-untyped-def]
+    """Fill ``slope`` (2, H, W), derivative of the offset along x and y, and ``offset`` (H, W) without ripple.
+
+    Slopes are taken on the fit's own side of edges, over half a period, where the ripple of a detuned fit cancels; the
+    slope along the row then tells the first-order phase error of a fringe finer or coarser than the carrier.
     """
     height, width = fit.shape[1:]
     quarter = (half_width + 1) // 2
     step = max(half_height, 1)
-    for y in prange(height):
+    for row in prange(height):
+        y = np.int64(row)
+        y0, y1 = max(y - 2 * step, 0), max(y - step, 0)
+        y3, y4 = min(y + step, height - 1), min(y + 2 * step, height - 1)
         for x in range(width):
-            slope[0, y, x] = np.float32(0.0)
-            slope[1, y, x] = np.float32(0.0)
-            if fit[3, y, x] >= UNUSABLE:
-                continue
             x0, x1 = max(x - 2 * quarter, 0), max(x - quarter, 0)
             x3, x4 = min(x + quarter, width - 1), min(x + 2 * quarter, width - 1)
             along = slope_along(
                 fit[0, y, x0], fit[0, y, x1], fit[0, y, x], fit[0, y, x3], fit[0, y, x4],
                 fit[3, y, x0], fit[3, y, x1], fit[3, y, x], fit[3, y, x3], fit[3, y, x4], np.float32(2 * quarter),
             )  # fmt: skip
-            limit = np.float32(0.6) * abs(rad_per_px[y, x])
-            slope[0, y, x] = min(max(along, -limit), limit)
-            y0, y1 = max(y - 2 * step, 0), max(y - step, 0)
-            y3, y4 = min(y + step, height - 1), min(y + 2 * step, height - 1)
+            limit = LARGEST_DETUNING * abs(rad_per_px[y, x])
+            along = min(max(along, -limit), limit)
+            slope[0, y, x] = along
             slope[1, y, x] = slope_along(
                 fit[0, y0, x], fit[0, y1, x], fit[0, y, x], fit[0, y3, x], fit[0, y4, x],
                 fit[3, y0, x], fit[3, y1, x], fit[3, y, x], fit[3, y3, x], fit[3, y4, x], np.float32(2 * step),
             )  # fmt: skip
+            double = np.float32(2.0) * (carrier_rad[y, x] + fit[0, y, x])
+            offset[y, x] = fit[0, y, x] - ripple * along / rad_per_px[y, x] * rough_sine(double)
 
 
-@njit(parallel=True, fastmath=True, cache=True)
-def remove_ripple(fit, carrier_rad, rad_per_px, slope, ripple):  # type: ignore[no-untyped-def]
-    """Subtract in place the first-order phase error of windows whose fringe is finer or coarser than the carrier."""
-    height, width = carrier_rad.shape
-    for y in prange(height):
-        for x in range(width):
-            if fit[3, y, x] < UNUSABLE:
-                detuning = slope[0, y, x] / rad_per_px[y, x]
-                absolute = carrier_rad[y, x] + fit[0, y, x]
-                fit[0, y, x] -= ripple * detuning * np.sin(np.float32(2.0) * absolute)
-
-
-@njit(parallel=True, fastmath=True, cache=True)
-def sharpen(fit, half_width, samples, offset):  # type: ignore[no-untyped-def]
-    """Fill ``offset`` (H, W): the fit's offset less the bias that curvature gives a mean over the window.
+@njit(inline="always", fastmath=True)
+def without_curvature(fit, offset, y, x, half_width, share, samples):  # type: ignore[no-untyped-def]
+    """Offset less the bias that curvature gives a mean over the window.
 
     A phase with second derivative k reads k <t^2> / 2 too high. The second difference of three fits half a window
     apart tells k, where all three fit equally well; what noise alone would give is left out.
     """
-    height, width = offset.shape
-    share = np.float32((2 * half_width + 1) ** 2 - 1) / np.float32(24.0 * half_width * half_width)
-    for y in prange(height):
-        for x in range(width):
-            offset[y, x] = fit[0, y, x]
-            if x < 2 * half_width or x >= width - 2 * half_width:
+    here = offset[y, x]
+    if x < 2 * half_width or x >= offset.shape[1] - 2 * half_width:
+        return here
+    worst = max(fit[3, y, x - half_width], fit[3, y, x + half_width])
+    if worst > np.float32(4.0) * fit[3, y, x] + np.float32(4.0):
+        return here
+    bias = share * (wrap(offset[y, x + half_width] - here) - wrap(here - offset[y, x - half_width]))
+    noise2 = fit[3, y, x] / (fit[2, y, x] * fit[2, y, x] + np.float32(1.0)) / np.float32(samples)
+    floor = NOISE_SHARE * share * share * noise2
+    power = bias * bias
+    return here - bias * max(power - floor, np.float32(0.0)) / max(power, np.float32(1e-12))
+
+
+@njit(inline="always", fastmath=True)
+def best_window(fit, y, x, half_width, half_height):  # type: ignore[no-untyped-def]
+    """Row and column of the window containing the pixel that fits best; a shifted one only if clearly better."""
+    height, width = fit.shape[1:]
+    quarter = (half_width + 1) // 2
+    best, best_y, best_x = UNUSABLE, y, x
+    for shift_y in range(-1, 2):
+        yy = y + shift_y * half_height
+        if yy < 0 or yy >= height:
+            continue
+        for shift_x in range(-2, 3):
+            xx = x + (half_width if shift_x == 2 else -half_width if shift_x == -2 else shift_x * quarter)
+            if xx < 0 or xx >= width:
                 continue
-            worst = max(fit[3, y, x - half_width], fit[3, y, x + half_width])
-            if worst > np.float32(4.0) * fit[3, y, x] + np.float32(4.0):
-                continue
-            before = wrap(fit[0, y, x] - fit[0, y, x - half_width])
-            after = wrap(fit[0, y, x + half_width] - fit[0, y, x])
-            bias = share * (after - before)
-            noise2 = fit[3, y, x] / (fit[2, y, x] * fit[2, y, x] + np.float32(1.0)) / np.float32(samples)
-            power = bias * bias
-            floor = NOISE_SHARE * share * share * noise2
-            offset[y, x] -= bias * max(power - floor, np.float32(0.0)) / max(power, np.float32(1e-12))
+            score = fit[3, yy, xx] * SHIFT_PENALTY[max(abs(shift_x), abs(shift_y))]
+            if score < best:
+                best, best_y, best_x = score, yy, xx
+    return best_y, best_x
 
 
 @njit(parallel=True, fastmath=True, cache=True)
-def pick_windows(fit, slope, half_width, half_height, picked):  # type: ignore[no-untyped-def]
-    """Fill ``picked`` (5, H, W): offset, background, amplitude, variance, slope of the best window around a pixel."""
-    height, width = fit.shape[1:]
-    quarter = (half_width + 1) // 2
+def pick_windows(fit, offset, slope, half_width, half_height, samples, good, picked):  # type: ignore[no-untyped-def]
+    """Fill ``picked`` (4, H, W): offset, background, amplitude, variance of the best window around a pixel.
+
+    A window centred on the pixel whose variance is below ``good`` needs no rival.
+    """
+    height, width = offset.shape
+    share = np.float32((2 * half_width + 1) ** 2 - 1) / np.float32(24.0 * half_width * half_width)
     for row in prange(height):
         y = np.int64(row)
         for x in range(width):
-            best = UNUSABLE
-            best_x, best_y = x, y
-            for shift_y in range(-1, 2):
-                yy = y + shift_y * half_height
-                if yy < 0 or yy >= height:
-                    continue
-                for shift_x in range(-2, 3):
-                    xx = x + (half_width if shift_x == 2 else -half_width if shift_x == -2 else shift_x * quarter)
-                    if xx < 0 or xx >= width:
-                        continue
-                    score = fit[3, yy, xx] * SHIFT_PENALTY[max(abs(shift_x), abs(shift_y))]
-                    if score < best:
-                        best = score
-                        best_x, best_y = xx, yy
-            along, down = slope[0, best_y, best_x], slope[1, best_y, best_x]
-            carried = fit[0, best_y, best_x] + along * np.float32(x - best_x) + down * np.float32(y - best_y)
+            at_y, at_x = y, x
+            if fit[3, y, x] > good:
+                at_y, at_x = best_window(fit, y, x, half_width, half_height)
+            carried = without_curvature(fit, offset, at_y, at_x, half_width, share, samples)
+            carried += slope[0, at_y, at_x] * np.float32(x - at_x) + slope[1, at_y, at_x] * np.float32(y - at_y)
+            variance = fit[3, at_y, at_x]
             picked[0, y, x] = wrap(carried)
-            picked[1, y, x] = fit[1, best_y, best_x]
-            picked[2, y, x] = fit[2, best_y, best_x] if best < UNUSABLE else np.float32(0.0)
-            picked[3, y, x] = fit[3, best_y, best_x]
-            picked[4, y, x] = along
+            picked[1, y, x] = fit[1, at_y, at_x]
+            picked[2, y, x] = fit[2, at_y, at_x] if variance < UNUSABLE else np.float32(0.0)
+            picked[3, y, x] = variance
