@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shutil
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -39,6 +40,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--capture", type=Path, help="capture folder to play instead of the scenes")
     folder = parser.parse_args().capture
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the nodes are stopped then too
     try:
         prepare(OUTPUT)
         capture = folder and read_capture(folder)
