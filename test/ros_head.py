@@ -80,9 +80,10 @@ def running(name: str, *parameters: str, number: signal.Signals = signal.SIGINT)
             code, output = stop(process, number)
             assert code == 0, output
             assert "Traceback" not in output, output
-    finally:
+    except BaseException:
         process.kill()
-        process.communicate()
+        print(f"--- {name} printed:\n{process.communicate()[0]}")
+        raise
 
 
 @dataclass
