@@ -10,17 +10,15 @@ from numba import njit, prange
 from moire_sensor.depth_refine import Match
 from moire_sensor.order_cost import REACH_PX, difference
 from moire_sensor.phase_carrier import Float32
-from moire_sensor.settings import Settings
 
 SAME_SURFACE_PX = 1.0
 MISMATCH_WEIGHT = np.float32(0.5)
 SPECKLE_STEPS_PER_PX = 8
 
 
-def fits(match: Match, misfit: Float32, settings: Settings) -> npt.NDArray[np.bool_]:
-    """Pixels (H, W) whose phases and grey levels agree well enough."""
-    agrees = (match.mismatch_rad <= settings.max_mismatch_rad) & (misfit <= settings.max_misfit)
-    return np.asarray(agrees & np.isfinite(match.disparity_px))
+def drop_misfits(match: Match, max_mismatch_rad: float) -> None:
+    """Set in place to NaN the disparities whose phases disagree too much."""
+    match.disparity_px[~(match.mismatch_rad <= max_mismatch_rad)] = np.nan
 
 
 def is_unique(

@@ -23,32 +23,22 @@ HALF_HEIGHT = 2
 
 
 def rematch(
-    match: Match,
-    images: tuple[Float32, Float32],
-    phases: tuple[PhaseImage, PhaseImage],
-    carrier: Carrier,
-    projector: ProjectorMap,
-    settings: Settings,
-) -> tuple[Match, Float32]:
-    """Match again all pixels whose mismatch exceeds the doubt, in rigs that measure left against right.
+    match: Match, images: tuple[Float32, Float32], amplitude: Float32, carrier: Carrier, settings: Settings
+) -> None:
+    """Match again, in place, all pixels whose mismatch exceeds the doubt; NaN where no patch fits.
 
-    Returns
-    -------
-    match : the match with those disparities replaced; NaN where no patch fits.
-    misfit : (H, W) float32, left over of the patch beyond noise relative to the fringe amplitude; 0 where the phase was kept.
+    Parameters
+    ----------
+    match : disparities from the phases.
+    images : left, and right with the grey levels of the left (:func:`right_as_left`), (H, W) float32.
+    amplitude : fringe amplitude of the left image (H, W), the measure of a fit.
+    carrier : the left camera's carrier.
     """
-    misfit = np.zeros_like(match.disparity_px)
-    if not measures_by_stereo(carrier, projector):
-        return match, misfit
-    doubtful = match.mismatch_rad > settings.doubt_rad
-    gain, shift = grey_relation(match.disparity_px, phases, ~doubtful)
-    disparity, sigma = match.disparity_px.copy(), match.sigma_px.copy()
     half_width = max(carrier.half_width_px // 2, 2)
-    right = images[1] * np.float32(gain) + np.float32(shift)
     match_patches(
-        images[0], right, doubtful, phases[0].amplitude, half_width, settings.image_noise, disparity, sigma, misfit
-    )
-    return Match(disparity, sigma, match.mismatch_rad), misfit
+        *images, match.mismatch_rad, amplitude, half_width, settings.doubt_rad, settings.image_noise,
+        settings.max_misfit, match.disparity_px, match.sigma_px,
+    )  # fmt: skip
 
 
 def measures_by_stereo(carrier: Carrier, projector: ProjectorMap) -> bool:
@@ -59,30 +49,27 @@ def measures_by_stereo(carrier: Carrier, projector: ProjectorMap) -> bool:
     return bool(np.median(np.abs(carrier.rad_per_px)) > np.abs(step))
 
 
-def grey_relation(
-    disparity_px: Float32, phases: tuple[PhaseImage, PhaseImage], trusted: npt.NDArray[np.bool_]
-) -> tuple[float, float]:
-    """Gain and shift that turn right grey levels into left ones, from the fringes of trusted matches."""
-    rows, columns = np.nonzero(trusted & np.isfinite(disparity_px))
+def right_as_left(right: Float32, disparity_px: Float32, phases: tuple[PhaseImage, PhaseImage]) -> Float32:
+    """Right image (H, W) with the gain and shift that turn its grey levels into left ones, from matched fringes."""
+    rows, columns = (part[:: part.size // 5000 + 1] for part in np.nonzero(np.isfinite(disparity_px)))
     if rows.size < 100:
-        return 1.0, 0.0
-    rows, columns = rows[:: rows.size // 5000 + 1], columns[:: rows.size // 5000 + 1]
-    seen = np.clip(np.rint(columns - disparity_px[rows, columns]), 0, disparity_px.shape[1] - 1).astype(np.int64)
-    left, right = phases
-    gain = float(np.median(left.amplitude[rows, columns] / np.maximum(right.amplitude[rows, seen], 1.0)))
-    shift = float(np.median(left.background[rows, columns] - gain * right.background[rows, seen]))
-    return gain, shift
+        return right
+    seen = np.clip(np.rint(columns - disparity_px[rows, columns]), 0, right.shape[1] - 1).astype(np.int64)
+    left_phase, right_phase = phases
+    gain = np.median(left_phase.amplitude[rows, columns] / np.maximum(right_phase.amplitude[rows, seen], 1.0))
+    shift = np.median(left_phase.background[rows, columns] - gain * right_phase.background[rows, seen])
+    return np.asarray(right * np.float32(gain) + np.float32(shift))
 
 
 @njit(parallel=True, cache=True)
-def match_patches(left, right, doubtful, amplitude, half_width, noise, disparity, sigma, misfit):  # type: ignore[no-untyped-def]
-    """Replace disparity, sigma and misfit of doubtful pixels by those of the best of three patches."""
+def match_patches(left, right, mismatch, amplitude, half_width, doubt, noise, max_misfit, disparity, sigma):  # type: ignore[no-untyped-def]
+    """Replace disparity and sigma of doubtful pixels by those of the best of three patches, NaN where none fits."""
     height, width = left.shape
     for row in prange(height):
         y = np.int64(row)
         top, bottom = max(y - HALF_HEIGHT, 0), min(y + HALF_HEIGHT, height - 1)
         for x in range(width):
-            if not doubtful[y, x] or np.isnan(disparity[y, x]):
+            if np.isnan(disparity[y, x]) or mismatch[y, x] <= doubt:
                 continue
             enough = np.float32((3.0 * noise) ** 2)
             best_error = np.float32(np.inf)
@@ -95,9 +82,9 @@ def match_patches(left, right, doubtful, amplitude, half_width, noise, disparity
                 error = error if shift == 0 else np.float32(1.5) * error
                 if error < best_error:
                     best, best_error, best_power = found, error, power
-            misfit[y, x] = max(np.sqrt(best_error) - 2.0 * noise, 0.0) / max(amplitude[y, x], np.float32(1.0))
             sigma[y, x] = np.sqrt(best_error / max(best_power, np.float32(1e-6)))
-            disparity[y, x] = best if best_error < np.inf else np.float32(np.nan)
+            allowed = 2.0 * noise + max_misfit * max(amplitude[y, x], np.float32(1.0))
+            disparity[y, x] = best if best_error < allowed * allowed else np.float32(np.nan)
 
 
 @njit(inline="always", fastmath=False)

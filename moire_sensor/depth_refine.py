@@ -14,6 +14,7 @@ from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
+from moire_sensor.shot import UNKNOWN_ORDER
 
 ITERATIONS = 2
 
@@ -106,3 +107,22 @@ def solve_disparity(label, first, left, right, left_sigma, right_sigma, left_rad
             if not np.isnan(seen):
                 result[0, y, x] = disparity
                 result[1, y, x] = sigma
+
+
+def fringe_orders(disparity_px: Float32, projector: ProjectorMap) -> npt.NDArray[np.int16]:
+    """Projector period that each left pixel sees at its disparity, (H, W) int16, -32768 where that is NaN."""
+    orders = np.empty(disparity_px.shape, dtype=np.int16)
+    fill_orders(disparity_px, projector.packed(), orders)
+    return orders
+
+
+@njit(parallel=True, cache=True)
+def fill_orders(disparity, map_, orders):  # type: ignore[no-untyped-def]
+    """Fill ``orders`` (H, W)."""
+    height, width = disparity.shape
+    for y in prange(height):
+        for x in range(width):
+            orders[y, x] = UNKNOWN_ORDER
+            if not np.isnan(disparity[y, x]):
+                phase, _ = phase_of_disparity(map_, x, y, disparity[y, x])
+                orders[y, x] = int(np.floor(phase / (2.0 * np.pi) + 0.5))

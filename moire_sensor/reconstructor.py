@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from moire_sensor.depth_check import fits, is_unique, without_specks
-from moire_sensor.depth_patch import rematch
-from moire_sensor.depth_refine import Match, refine
+from moire_sensor.depth_check import drop_misfits, is_unique, without_specks
+from moire_sensor.depth_patch import measures_by_stereo, rematch, right_as_left
+from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.errors import ImageError, SettingsError
 from moire_sensor.order_cost import OrderRange, order_costs
 from moire_sensor.order_path import best_orders, next_orders, path_costs
@@ -19,7 +19,7 @@ from moire_sensor.phase_steps import StepFilter, phase_from_steps
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
 from moire_sensor.settings import Settings
-from moire_sensor.shot import UNKNOWN_ORDER, Shot, Status
+from moire_sensor.shot import Shot, Status
 
 METHODS = ("dense", "phase_shift")
 DEFAULT_DEPTH_RANGE_M = (0.5, 2.0)
@@ -110,19 +110,26 @@ class Reconstructor:
         cost = order_costs(*phases, greys, self._carriers, self._projector, self._orders)
         total = path_costs(cost, phases[0].offset_rad, self.settings.jump_cost)
         label, margin = best_orders(total, phases[0].offset_rad)
-        match = self._match(label, phases, greys)
+        first = self._refine(label, phases)
+        greys = (greys[0], right_as_left(greys[1], first.disparity_px, phases))
+        match = self._rematch(first, phases, greys)
         refused = self._refused(label, match, phases, greys)
-        match = merged(match, self._match(next_orders(total, label, refused), phases, greys), refused)
+        second = self._refine(next_orders(total, label, refused), phases)
+        match = merged(match, self._rematch(second, phases, greys), refused)
         keep = ~self._refused(label, match, phases, greys)
         return self._shot(phases[0], match, margin, keep)
 
-    def _match(
-        self, label: npt.NDArray[np.int8], phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32]
+    def _refine(self, label: npt.NDArray[np.int8], phases: tuple[PhaseImage, PhaseImage]) -> Match:
+        """Disparities of the chosen orders from the phases of all views."""
+        return refine(label, phases, self._carriers, self._projector, self._orders, self.settings)
+
+    def _rematch(
+        self, match: Match, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32]
     ) -> Match:
-        """Disparities of the chosen orders; NaN where phases or grey levels do not fit."""
-        match = refine(label, phases, self._carriers, self._projector, self._orders, self.settings)
-        match, misfit = rematch(match, greys, phases, self._carriers[0], self._projector, self.settings)
-        match.disparity_px[~fits(match, misfit, self.settings)] = np.nan
+        """Doubtful disparities matched by grey levels; NaN where phases or grey levels do not fit."""
+        if measures_by_stereo(self._carriers[0], self._projector):
+            rematch(match, greys, phases[0].amplitude, self._carriers[0], self.settings)
+        drop_misfits(match, self.settings.max_mismatch_rad)
         return match
 
     def _refused(
@@ -183,18 +190,11 @@ class Reconstructor:
             depth_m=depth.astype(np.float32),
             depth_sigma_m=sigma.astype(np.float32),
             disparity_px=disparity,
-            fringe_order=self._fringe_order(disparity),
+            fringe_order=fringe_orders(disparity, self._projector),
             confidence=np.where(in_range, np.clip(margin, 0.0, 1.0), 0.0).astype(np.float32),
             status=status,
             background=left.background,
         )
-
-    def _fringe_order(self, disparity_px: Float32) -> npt.NDArray[np.int16]:
-        height, width = disparity_px.shape
-        columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
-        turns = self._projector.phase_rad_at(columns, rows, disparity_px.astype(np.float64)) / (2.0 * np.pi)
-        known = np.isfinite(turns)
-        return np.where(known, np.floor(np.where(known, turns, 0.0) + 0.5), UNKNOWN_ORDER).astype(np.int16)
 
 
 def merged(first: Match, second: Match, where_second: npt.NDArray[np.bool_]) -> Match:
