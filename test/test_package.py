@@ -86,7 +86,8 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if not colcon.is_file():
         pytest.skip("colcon is not installed in this environment")
     folder = tmp_path_factory.mktemp("workspace")
-    for name in ["moire_sensor", "moire_sim", "resource", *setup_constant("DATA_FOLDERS")]:
+    data = [name for name in setup_constant("DATA_FOLDERS") if (ROOT / name).is_dir()]
+    for name in ["moire_sensor", "moire_sim", "resource", *data]:
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / name, folder / "src" / "moire_sensor" / name, ignore=ignored)
     for name in ["package.xml", "setup.py", "setup.cfg", "pyproject.toml", "LICENSE"]:
