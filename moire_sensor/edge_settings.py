@@ -1,0 +1,49 @@
+"""Configuration of the paper's fringe-edge method: the names of section 3.4, each with unit and range."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from moire_sensor.errors import SettingsError
+from moire_sensor.settings import setting
+
+
+@dataclass(frozen=True)
+class EdgeSettings:
+    """Tuning of ``fringe_edges``. Grey levels are scaled to 255 at saturation; costs have no unit.
+
+    The paper names the costs and orders them, ``lambda_oc < lambda_mat < penalty``, without giving numbers.
+
+    Raises
+    ------
+    SettingsError
+        A value outside its range, or costs in another order than the paper's.
+    """
+
+    lambda_oc: float = setting(1.5, 0.0, 1e3, "occlusion penalty, once per run of unmatched edges")
+    lambda_r: float = setting(1.0, 0.0, 1e3, "reward of a match")
+    lambda_mat: float = setting(2.0, 0.0, 1e3, "dissimilarity of two edges of which only the side agrees")
+    penalty: float = setting(100.0, 1.0, 1e6, "dissimilarity of two edges that cannot match")
+    same_side_px: float = setting(1.2, 0.1, 5.0, "largest distance of a left edge from a projected candidate, pixels")
+    same_height: float = setting(1.5, 1.0, 100.0, "largest ratio of the heights of two edges that correspond")
+    min_amplitude: float = setting(6.0, 0.5, 127.0, "smallest half height of a fringe edge, grey levels of 255")
+    min_amplitude_to_noise: float = setting(3.0, 0.0, 100.0, "smallest ratio of half height to camera noise")
+    min_run: int = setting(2, 1, 100, "edges side by side that must agree on the fringe order; 1 is the paper's")  # type: ignore[assignment]
+    rows: int = setting(1, 1, 1000, "every rows-th row is solved, the others follow their neighbours")  # type: ignore[assignment]
+    follow_px: float = setting(1.5, 0.1, 8.0, "largest shift of an edge from one row to the next, pixels")
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            low, high = item.metadata["low"], item.metadata["high"]
+            if not (math.isfinite(value) and low <= value <= high):
+                raise SettingsError(f"{item.name} is {value}; allowed is {low} to {high} ({item.metadata['text']})")
+        if not self.lambda_oc < self.lambda_mat < self.penalty:
+            raise SettingsError(
+                f"lambda_oc {self.lambda_oc}, lambda_mat {self.lambda_mat}, penalty {self.penalty} are out of order; "
+                "choose lambda_oc < lambda_mat < penalty (section 3.4)"
+            )
+        for name in ("min_run", "rows"):
+            if getattr(self, name) != int(getattr(self, name)):
+                raise SettingsError(f"{name} is {getattr(self, name)}; give a whole number")
