@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.depth_check import drop_misfits, is_unique, without_specks
+from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_patch import measures_by_stereo, rematch, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.errors import ImageError, SettingsError
@@ -191,7 +192,7 @@ class Reconstructor:
             depth_sigma_m=sigma.astype(np.float32),
             disparity_px=disparity,
             fringe_order=fringe_orders(disparity, self._projector),
-            confidence=np.where(in_range, np.clip(margin, 0.0, 1.0), 0.0).astype(np.float32),
+            confidence=confidence_of(disparity, match, margin),
             status=status,
             background=left.background,
         )
