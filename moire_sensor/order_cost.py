@@ -19,7 +19,6 @@ from moire_sensor.projector_map import ProjectorMap
 
 # A mismatch of 90 degrees is as bad as any: orders that are off land 34 to 163 degrees away in the paper's rig.
 FULL_MISMATCH_RAD = np.float32(np.pi / 2.0)
-FLAT_RAD = np.float32(0.6)
 FLAT_COST = np.float32(0.15)
 RIVAL_RAD = np.float32(0.7)
 REACH_PX = 4
@@ -58,14 +57,21 @@ class OrderRange:
 
 
 def order_costs(
-    left: PhaseImage, right: PhaseImage, images: tuple[Float32, Float32], carriers: tuple[Carrier, Carrier], projector: ProjectorMap, orders: OrderRange
+    left: PhaseImage,
+    right: PhaseImage,
+    images: tuple[Float32, Float32],
+    carriers: tuple[Carrier, Carrier],
+    projector: ProjectorMap,
+    orders: OrderRange,
+    shading_rad: float,
 ) -> Float32:
     """Cost 0..1 of every candidate order, (H, W, labels) float32; 3 outside the depth range, 0 where phase is unknown."""
     cost = np.empty((*left.offset_rad.shape, orders.count), dtype=np.float32)
     limits = (orders.min_disparity_px - RANGE_MARGIN_PX, orders.max_disparity_px + RANGE_MARGIN_PX)
     fill_costs(
         left.offset_rad, right.offset_rad, left.amplitude, images[0], images[1], carriers[0].phase_rad,
-        carriers[1].phase_rad, projector.packed(), orders.first, limits[0], limits[1], cost,
+        carriers[1].phase_rad, projector.packed(), orders.first, limits[0], limits[1],
+        np.float32(shading_rad), cost,
     )  # fmt: skip
     return cost
 
@@ -120,7 +126,7 @@ def smallest_difference(left, right, y, x, column, reach):  # type: ignore[no-un
 
 
 @njit(parallel=True, cache=True)
-def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, first, low, high, cost):  # type: ignore[no-untyped-def]
+def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, first, low, high, flat, cost):  # type: ignore[no-untyped-def]
     """Fill ``cost`` (H, W, labels)."""
     height, width, labels = cost.shape
     for row in prange(height):
@@ -148,7 +154,7 @@ def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, 
                 if np.isnan(seen):
                     continue
                 mismatch = wrap(np.float32(phase - seen))
-                cost[y, x, label] = phase_cost(abs(mismatch))
+                cost[y, x, label] = phase_cost(abs(mismatch), flat)
                 apart[label] = abs(mismatch)
                 closest = min(closest, abs(mismatch))
                 matched[label] = column + mismatch / slope
@@ -165,8 +171,9 @@ def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, 
 
 
 @njit(inline="always", fastmath=False)
-def phase_cost(mismatch):  # type: ignore[no-untyped-def]
-    """Nearly flat up to the error that shading can put into a single-shot phase, 1 from a quarter turn on."""
-    if mismatch < FLAT_RAD:
-        return FLAT_COST * mismatch / FLAT_RAD
-    return min(FLAT_COST + (np.float32(1.0) - FLAT_COST) * (mismatch - FLAT_RAD) / (FULL_MISMATCH_RAD - FLAT_RAD), np.float32(1.0))
+def phase_cost(mismatch, flat):  # type: ignore[no-untyped-def]
+    """Nearly flat up to the mismatch that shading can put into a phase, 1 from a quarter turn on."""
+    if mismatch < flat:
+        return FLAT_COST * mismatch / flat
+    rest = (mismatch - flat) / (FULL_MISMATCH_RAD - flat)
+    return min(FLAT_COST + (np.float32(1.0) - FLAT_COST) * rest, np.float32(1.0))

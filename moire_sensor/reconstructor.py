@@ -23,6 +23,9 @@ from moire_sensor.settings import Settings
 from moire_sensor.shot import Shot, Status
 
 METHODS = ("dense", "phase_shift")
+# Mismatch that shading, or motion between the steps, can put between the two phases of one point.
+SHADING_RAD = {"dense": 0.6, "phase_shift": 0.3}
+RANGE_MARGIN = 0.02
 DEFAULT_DEPTH_RANGE_M = (0.5, 2.0)
 Images = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
@@ -108,7 +111,8 @@ class Reconstructor:
         phases = self._measure_phases(images, first_step)
         middle = images[0].shape[0] // 2
         greys = (images[0][middle], images[1][middle])
-        cost = order_costs(*phases, greys, self._carriers, self._projector, self._orders)
+        shading_rad = SHADING_RAD[self.method]
+        cost = order_costs(*phases, greys, self._carriers, self._projector, self._orders, shading_rad)
         total = path_costs(cost, phases[0].offset_rad, self.settings.jump_cost)
         label, margin = best_orders(total, phases[0].offset_rad)
         first = self._refine(label, phases)
@@ -179,14 +183,19 @@ class Reconstructor:
         return left, right
 
     def _shot(self, left: PhaseImage, match: Match, margin: Float32, keep: npt.NDArray[np.bool_]) -> Shot:
+        """The result: depth where the disparity is kept, lies in the range and the views as a whole agree."""
+        depth = self.rig.depth_m(match.disparity_px)
+        nearest, farthest = self.depth_range_m
+        keep = keep & (depth >= nearest * (1.0 - RANGE_MARGIN)) & (depth <= farthest * (1.0 + RANGE_MARGIN))
+        typical_rad = typical_mismatch_rad(match, keep)
+        views_agree = not typical_rad > self.settings.max_typical_mismatch_rad
+        lost = Status.OCCLUDED if views_agree else Status.AMBIGUOUS
+        keep &= views_agree
+        depth[~keep] = np.nan
         disparity = np.where(keep, match.disparity_px, np.float32(np.nan))
-        depth = self.rig.depth_m(disparity)
-        in_range = (depth >= self.depth_range_m[0] * 0.98) & (depth <= self.depth_range_m[1] * 1.02)
-        disparity = np.where(in_range, disparity, np.float32(np.nan))
-        depth = np.where(in_range, depth, np.nan)
         sigma = depth**2 / (self.rig.fx_px * self.rig.baseline_m) * match.sigma_px
         status = left.status.copy()
-        status[(status == Status.OK) & ~in_range] = Status.OCCLUDED
+        status[(status == Status.OK) & ~keep] = lost
         return Shot(
             depth_m=depth.astype(np.float32),
             depth_sigma_m=sigma.astype(np.float32),
@@ -195,7 +204,14 @@ class Reconstructor:
             confidence=confidence_of(disparity, match, margin),
             status=status,
             background=left.background,
+            typical_mismatch_rad=typical_rad,
         )
+
+
+def typical_mismatch_rad(match: Match, keep: npt.NDArray[np.bool_]) -> float:
+    """Upper quartile of the left-right phase mismatch of the kept pixels; NaN where there are none."""
+    mismatch = match.mismatch_rad[::3, ::3][keep[::3, ::3]]
+    return float(np.percentile(mismatch, 75)) if mismatch.size else float("nan")
 
 
 def merged(first: Match, second: Match, where_second: npt.NDArray[np.bool_]) -> Match:

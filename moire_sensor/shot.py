@@ -36,6 +36,8 @@ class Shot:
     confidence : float32, 0 (no depth) to 1.
     status : uint8, values of :class:`Status`.
     background : float32, grey levels, the left view with the fringes removed.
+    typical_mismatch_rad : float, upper quartile of the left-right phase mismatch, NaN without any depth. Near the
+        phase noise when rig and pattern are right; a wrong period, swapped images or a bad calibration raise it.
     """
 
     depth_m: npt.NDArray[np.float32]
@@ -45,3 +47,4 @@ class Shot:
     confidence: npt.NDArray[np.float32]
     status: npt.NDArray[np.uint8]
     background: npt.NDArray[np.float32]
+    typical_mismatch_rad: float = float("nan")
