@@ -129,7 +129,10 @@ def apply_filter(weights: Array, frames: Float32) -> Float32:
 
 
 def drift_rad(frames: Float32, steps: StepFilter) -> Float32:
-    """Mean phase drift from frame to frame (H, W), radians, 0..pi, between successive runs; 0 with a single run."""
+    """Mean phase drift from frame to frame (H, W), radians, 0..pi, between successive runs; 0 with a single run.
+
+    The motion error of the runs overrates a fast drift: 0.31 rad reads 0.32, 0.8 rad reads 0.98 (four steps).
+    """
     cross = np.zeros(frames.shape[1:], dtype=np.float32)
     along = np.zeros(frames.shape[1:], dtype=np.float32)
     before = apply_filter(steps.runs[0], frames)

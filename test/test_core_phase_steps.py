@@ -1,0 +1,188 @@
+"""Phase shifting: exact without motion, the predicted residual with it, the predicted noise, and what is marked."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from moire_sensor.errors import PatternError
+from moire_sensor.paper_rig import PERIOD_PX, paper_rig
+from moire_sensor.pattern import FringePattern
+from moire_sensor.phase_carrier import Carrier
+from moire_sensor.phase_steps import StepFilter, drift_rad, frame_noise, phase_from_steps
+from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.rig import StereoRig
+from moire_sensor.settings import Settings
+from moire_sensor.shot import Status
+
+Array = npt.NDArray[np.float64]
+SHAPE = (40, 160)
+UNEQUAL = (0.0, 1.3, 2.9, 4.4)
+SETTINGS = Settings()
+PHASES = np.linspace(-np.pi, np.pi, 720, endpoint=False)
+
+
+def equal(count: int, direction: int = 1) -> tuple[float, ...]:
+    return tuple(direction * 2.0 * math.pi * step / count for step in range(count))
+
+
+@pytest.fixture(scope="module")
+def carrier() -> Carrier:
+    paper = paper_rig()
+    rig = StereoRig.from_projections(paper.P_left, paper.P_right, paper.P_projector, SHAPE[::-1])
+    return Carrier.left(ProjectorMap.build(rig, FringePattern(PERIOD_PX)), SHAPE[::-1], 100.0, 2)
+
+
+def frames_of(
+    phase: Array, steps_rad: tuple[float, ...], first_step: int, count: int, drift: float = 0.0, amplitude: float = 60.0
+) -> Array:
+    """Frames (n, ...) of a fringe that drifts, with the given phase at the middle of their time."""
+    times = np.arange(count) - (count - 1) / 2.0
+    return np.stack([
+        120.0 + amplitude * np.cos(phase + steps_rad[(first_step + i) % len(steps_rad)] + drift * time)
+        for i, time in enumerate(times)
+    ])  # fmt: skip
+
+
+def phase_error(steps_rad: tuple[float, ...], first_step: int, count: int, drift: float) -> Array:
+    steps = StepFilter.build(steps_rad, first_step, count)
+    _, real, imaginary = steps.weights @ frames_of(PHASES, steps_rad, first_step, count, drift)
+    return np.asarray(np.angle((real + 1j * imaginary) * np.exp(-1j * PHASES)))
+
+
+@pytest.mark.parametrize("steps_rad", [equal(3), equal(4), equal(4, -1), equal(5), equal(8), UNEQUAL])
+@pytest.mark.parametrize("more", [0, 1, 2, 4])
+def test_no_motion_no_error(steps_rad: tuple[float, ...], more: int) -> None:
+    for first_step in (0, 1, 7):
+        assert np.abs(phase_error(steps_rad, first_step, len(steps_rad) + more, 0.0)).max() < 1e-12
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(st.integers(3, 9), st.integers(0, 5), st.sampled_from([-1, 1]), st.floats(-0.4, 0.4), st.integers(0, 8))
+def test_motion_leaves_what_theory_says(count: int, more: int, direction: int, drift: float, first_step: int) -> None:
+    """The mirror image's share of one run is sin(e/2) / sin(s + e/2); each further frame multiplies by it again.
+
+    For drift e a frame and step s: the sum of exp(i e j) over a run is sin(N e/2) / sin(e/2), that of
+    exp(-i (2 s + e) j) is the same over sin(s + e/2). Four steps: tan(e/2)^(extra frames + 1).
+    """
+    steps_rad = equal(count, direction)
+    share = abs(math.sin(drift / 2.0) / math.sin(steps_rad[1] + drift / 2.0))
+    error = phase_error(steps_rad, first_step, count + more, drift)
+    # 720 phases sample the ripple's crest to 1e-5 of it
+    assert np.abs(error).max() == pytest.approx(math.asin(share ** (more + 1)), rel=2e-4, abs=1e-12)
+    assert abs(error.mean()) < 1e-12, "the phase is that of the middle of the frames' time"
+
+
+def test_four_steps_have_the_binomial_weights_of_the_paper() -> None:
+    plain = [StepFilter.build(equal(4), first, 4).weights for first in range(3)]
+    expected = np.zeros((3, 6))
+    for run, (share, weights) in enumerate(zip((0.25, 0.5, 0.25), plain, strict=True)):
+        expected[:, run : run + 4] += share * weights
+    np.testing.assert_allclose(StepFilter.build(equal(4), 0, 6).weights, expected, atol=1e-15)
+
+
+def test_more_frames_help_unequal_steps_too() -> None:
+    errors = [np.abs(phase_error(UNEQUAL, 0, count, 0.1)).max() for count in (4, 5, 6)]
+    assert errors[1] < 0.5 * errors[0]
+    assert errors[2] < 0.5 * errors[0]
+
+
+@pytest.mark.parametrize(("count", "more"), [(3, 0), (3, 2), (4, 0), (4, 1), (5, 2), (8, 1)])
+def test_images_give_their_phase_and_the_noise_in_it(carrier: Carrier, count: int, more: int) -> None:
+    rng = np.random.default_rng(count)
+    offset = rng.uniform(-np.pi, np.pi, SHAPE)
+    noise = 2.0
+    frames = frames_of(carrier.phase_rad.astype(np.float64) + offset, equal(count), 2, count + more)
+    noisy = (frames + rng.normal(0.0, noise, frames.shape)).astype(np.float32)
+    steps = StepFilter.build(equal(count), 2, count + more)
+    clean = phase_from_steps(frames.astype(np.float32), carrier, steps, SETTINGS)
+    assert not clean.status.any()
+    # float32 of a carrier phase up to 700 rad is known to 3e-5
+    assert np.abs(np.angle(np.exp(1j * (clean.offset_rad - offset)))).max() < 1e-4
+    np.testing.assert_allclose(clean.amplitude, 60.0, atol=1e-3)
+    np.testing.assert_allclose(clean.background, 120.0, atol=1e-3)
+    seen = phase_from_steps(noisy, carrier, steps, Settings(image_noise=noise))
+    error = np.angle(np.exp(1j * (seen.offset_rad - offset)))
+    # 6400 pixels tell a standard deviation to 0.9 %, the noise estimate of 49 pixels and 1 to 3 more frames is
+    # skewed by up to 1 %: five standard deviations in all
+    assert float(np.sqrt(np.mean(seen.sigma_rad.astype(np.float64) ** 2))) == pytest.approx(error.std(), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("steps_rad", "count"), [(equal(4), 4), (equal(4), 5), (equal(3), 5), (equal(5), 9), (UNEQUAL, 6)]
+)
+def test_noise_is_read_from_what_the_fit_leaves_over(steps_rad: tuple[float, ...], count: int) -> None:
+    rng = np.random.default_rng(0)
+    frames = frames_of(rng.uniform(-3, 3, (200, 300)), steps_rad, 0, count)
+    frames = (frames + rng.normal(0.0, 1.5, frames.shape)).astype(np.float32)
+    steps = StepFilter.build(steps_rad, 0, count)
+    parts = np.tensordot(steps.weights, frames, axes=1).astype(np.float32)
+    noise = frame_noise(frames, steps, parts, SETTINGS)
+    # 60000 pixels: 0.3 % for a single degree of freedom, times five
+    assert float(np.sqrt(np.mean(noise.astype(np.float64) ** 2))) == pytest.approx(1.5, rel=0.015)
+
+
+def test_noise_of_perfect_frames_beside_bad_ones_is_never_nan() -> None:
+    steps = StepFilter.build(equal(4), 0, 5)
+    frames = np.zeros((5, *SHAPE), dtype=np.float32)
+    frames[0, :, ::23] = 255.0
+    frames[1, 5] = 3.7e4
+    noise = frame_noise(frames, steps, np.tensordot(steps.weights, frames, axes=1).astype(np.float32), SETTINGS)
+    assert np.isfinite(noise).all()
+    assert (noise >= 0.0).all()
+
+
+def test_three_frames_take_the_noise_that_was_set() -> None:
+    steps = StepFilter.build(equal(3), 0, 3)
+    frames = np.zeros((3, *SHAPE), dtype=np.float32)
+    np.testing.assert_array_equal(frame_noise(frames, steps, frames, Settings(image_noise=2.5)), 2.5)
+
+
+def test_pixels_without_a_phase_are_marked_and_unknown(carrier: Carrier) -> None:
+    count, steps = 8, StepFilter.build(equal(4), 0, 8)
+    base = carrier.phase_rad.astype(np.float64)
+    frames = frames_of(base, equal(4), 0, count)
+    frames[:, :10] = frames_of(base[:10], equal(4), 0, count, amplitude=SETTINGS.min_amplitude * 0.8)
+    frames[5, 12:20, :80] = 255.0
+    # 1 rad a frame over four frames between the runs would look like 0.57 if only the ends were compared
+    frames[:, 22:30] = frames_of(base[22:30], equal(4), 0, count, drift=1.0)
+    frames[:, 32:] = frames_of(base[32:], equal(4), 0, count, drift=0.5)
+    found = phase_from_steps(frames.astype(np.float32), carrier, steps, SETTINGS)
+    expected = np.zeros(SHAPE, dtype=np.uint8)
+    expected[:10] = Status.UNLIT
+    expected[12:20, :80] = Status.SATURATED
+    expected[22:30] = Status.MOVED
+    np.testing.assert_array_equal(found.status, expected)
+    np.testing.assert_array_equal(np.isnan(found.offset_rad), expected != 0)
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.05, -0.3, 0.9])
+def test_drift_is_measured(drift: float) -> None:
+    frames = frames_of(PHASES[None], equal(4), 1, 8, drift).astype(np.float32)
+    found = drift_rad(frames, StepFilter.build(equal(4), 1, 8))
+    # The mirror images (share tan(e/2), alternating) of two runs add -share^2 exp(-i e) to exp(i e), and cross terms
+    # that average out over a turn of phase to second order: a fast drift is overrated.
+    share = math.tan(drift / 2.0) ** 2
+    expected = math.atan2(math.sin(abs(drift)) * (1.0 + share), math.cos(drift) * (1.0 - share))
+    assert float(found.mean()) == pytest.approx(expected, rel=0.01, abs=1e-5)
+    assert float(found.min()) >= 0.9 * abs(drift)
+    assert not drift_rad(frames[:4], StepFilter.build(equal(4), 1, 4)).any()
+
+
+@pytest.mark.parametrize(
+    ("steps_rad", "count", "message"),
+    [
+        ((0.0,), 1, "the pattern has 1 steps; phase shifting needs 3"),
+        (equal(4), 3, "3 frames came for 4 steps; give at least 4"),
+        ((0.0, 0.0, math.pi), 3, "do not determine a phase; spread them over a turn"),
+        ((0.0, math.pi, 2.0 * math.pi), 3, "do not determine a phase"),
+    ],
+)
+def test_steps_that_give_no_phase_are_refused(steps_rad: tuple[float, ...], count: int, message: str) -> None:
+    with pytest.raises(PatternError, match=message):
+        StepFilter.build(steps_rad, 0, count)
