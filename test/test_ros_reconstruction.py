@@ -214,8 +214,11 @@ def test_raw_images_are_rectified_from_the_camera_infos(head: TestHead) -> None:
     head.publish(messages)
     depth_m = pixels(head.answer(DEPTH, head.stamp))
     inside = np.s_[20:440, 120:600]
-    # Whole pixels: the remap is exact, and only windows that reach the border can differ.
-    np.testing.assert_allclose(depth_m[inside], shot_of().depth_m[inside], rtol=1e-6)
+    # Whole pixels, so the remap is exact; the rows that left the image change what the whole image decides for a
+    # few pixels by less than the noise. One pixel of shift too much would be 8.5 mm everywhere.
+    difference_m = np.abs(depth_m - shot_of().depth_m)[inside]
+    assert np.mean(difference_m < 1e-6) > 0.999
+    assert np.nanmax(difference_m) < 1e-3
 
 
 def test_a_loop_gives_the_same_bits_again(head: TestHead) -> None:

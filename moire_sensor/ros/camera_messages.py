@@ -27,12 +27,19 @@ def camera_infos(rig: StereoRig, header: Header, projector_size: tuple[int, int]
 
     ``projector_size`` : (width, height) of the projector's device in pixels.
     """
-    left = camera_info(header, FRAMES["left"], rig.image_size, rig.P_left, rig.P_left[:, :3])
-    right = camera_info(header, FRAMES["right"], rig.image_size, rig.P_right, rig.P_right[:, :3])
+    left = camera_info(header, FRAMES["left"], rig.image_size, rig.P_left, camera_matrix(rig.P_left))
+    right = camera_info(header, FRAMES["right"], rig.image_size, rig.P_right, camera_matrix(rig.P_right))
     projector = camera_info(
         header, FRAMES["projector"], projector_size, rig.P_projector, rig.projector_matrix, rig.projector_distortion
     )
     return {"left": left, "right": right, "projector": projector}
+
+
+def camera_matrix(P: Matrix) -> Matrix:
+    """Return K (3, 3) of a rectified camera: the left part of P, what rounding left below its diagonal taken off."""
+    K = np.triu(P[:, :3])
+    K[2, 2] = 1.0
+    return np.asarray(K)
 
 
 def camera_info(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from types import FrameType
 from typing import Any
@@ -44,23 +45,28 @@ def run_node(make_node: Callable[[], Any], usage: str) -> int:
         return 0
     stop = _Stop()
     node = None
+    code = 0
     try:
         initialise(sys.argv)
         node = make_node()
         stop.raises = False
         _spin(node, stop)
     except KeyboardInterrupt:
-        return 0
+        pass
     except USER_ERRORS as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 1
+        code = 1
+    except Exception:
+        # The signal's exception may have struck inside a library that turned it into its own.
+        if not (stop.asked and node is None):
+            raise
     finally:
         stop.raises = False
         if node is not None:
             getattr(node, "close", bool)()
             node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return _leave(code)
 
 
 def initialise(arguments: list[str]) -> None:
@@ -75,6 +81,15 @@ def initialise(arguments: list[str]) -> None:
         raise SettingsError(
             f"unknown argument {' '.join(unknown)!r}; give parameters as --ros-args -p name:=value, or --help"
         )
+
+
+def _leave(code: int) -> int:
+    """Return the exit code; leave at once while a thread still compiles, which the interpreter cannot end in peace."""
+    if threading.active_count() > 1:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 class _Stop:

@@ -26,6 +26,7 @@ INFO_TOPICS = {device: f"{device}/camera_info" for device in ("left", "right", "
 NANOSECONDS = 1_000_000_000
 LATCHED = QoSDurabilityPolicy.TRANSIENT_LOCAL
 Handler = Callable[[Any], None]
+Taker = Callable[[MatchedSet[Any], Calibration | None], None]
 
 
 def stamp_ns(message: Any) -> int:
@@ -34,9 +35,12 @@ def stamp_ns(message: Any) -> int:
 
 
 class HeadInputs:
-    """Subscribe to a head; ``take`` is called with each whole set, in the executor's thread."""
+    """Subscribe to a head; ``take`` is called with each whole set, in the executor's thread.
 
-    def __init__(self, node: Any, reliable: bool, take: Callable[[MatchedSet[Any]], None]) -> None:
+    With the set comes the calibration in force, None where a camera info is still missing after a while.
+    """
+
+    def __init__(self, node: Any, reliable: bool, take: Taker) -> None:
         self.matcher: SetMatcher[Any] = SetMatcher(STREAMS)
         self.incompatible: dict[str, str] = {}
         self._take = take
@@ -57,9 +61,9 @@ class HeadInputs:
         return [topic for device, topic in INFO_TOPICS.items() if device not in self._infos]
 
     @property
-    def calibration(self) -> Calibration:
-        """The camera infos in force; only valid while none is missing."""
-        if self._calibration is None:
+    def calibration(self) -> Calibration | None:
+        """The camera infos in force, None while one is missing."""
+        if self._calibration is None and not self.missing_infos:
             self._calibration = calibration_of(self._infos)
         return self._calibration
 
@@ -124,4 +128,4 @@ class HeadInputs:
         """Hand on what is held once all infos are there; before that, only what is too much to hold."""
         most = HELD_SETS if self.missing_infos else 0
         while len(self._held) > most:
-            self._take(self._held.popleft())
+            self._take(self._held.popleft(), self.calibration)

@@ -103,7 +103,8 @@ def refuse_unknown(node: Any, qos: bool = False) -> None:
             known = [known for known in node._parameters if known.startswith(QOS_PREFIX) == qos]
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {near[0]}? " if near else ""
-            raise SettingsError(f"unknown parameter {name}; {hint}the parameters are {', '.join(sorted(known))}")
+            names = f"{QOS_PREFIX}TOPIC.publisher (or subscription).POLICY" if qos else ", ".join(sorted(known))
+            raise SettingsError(f"unknown parameter {name}; {hint}the parameters are {names}")
 
 
 def changed_values(

@@ -34,7 +34,7 @@ from moire_sensor.ros.reconstruction_report import (
 )
 from moire_sensor.ros.reconstruction_settings import SPECS, read_settings
 from moire_sensor.ros.result_publisher import ResultPublisher
-from moire_sensor.ros.sensor_cache import SensorCache
+from moire_sensor.ros.sensor_cache import Calibration, SensorCache
 from moire_sensor.ros.set_matcher import MatchedSet
 from moire_sensor.ros.tally import Tally
 from moire_sensor.ros.worker import Worker
@@ -44,6 +44,8 @@ reconstruction --ros-args [-r __ns:=/head] [-p NAME:=VALUE ...]
 Depth, cloud and disparity from the topics of a head in the same namespace (default: head).
 """
 NAMESPACE = "head"
+START_PERIOD_S = 0.05
+STOP_PATIENCE_S = 10.0
 WARNING_PERIOD_S = 5.0
 REASONS: dict[type[MoireError], str] = {
     ImageError: "bad image",
@@ -70,11 +72,32 @@ class ReconstructionNode(Node):  # type: ignore[misc]
             Header, "acquisition_done", publisher_qos(), qos_overriding_options=overridable()
         )
         self._diagnostics = DiagnosticsPublisher(self)
-        self._warm_up()
-        self._worker: Worker[Job] = Worker(self._work, self._supersede, self._values["queue_depth"])
+        self._inputs: HeadInputs | None = None
+        self._worker: Worker[Job] = Worker(self._work, self._supersede, self._values["queue_depth"], self._warm_up)
+        self._start = self.create_timer(START_PERIOD_S, self._start_when_warm)
+        self.add_on_set_parameters_callback(self._change_parameters)
+        self.get_logger().info("loading the kernels; the first start on a machine compiles them, up to a minute")
+
+    def close(self) -> None:
+        """Finish the set under way and say the last counts."""
+        self._worker.stop(STOP_PATIENCE_S if self._worker.is_prepared() else 0.0)
+        self._diagnose()
+
+    def _warm_up(self) -> None:
+        """In the worker's thread: load or compile the kernels, so that no set is superseded by a slow start."""
+        settings = self._settings.settings
+        Reconstructor(paper_rig(), paper_pattern(), settings=settings).warm_up()
+        if self._settings.method == "phase_shift":
+            Reconstructor(paper_rig(), paper_pattern(4), method="phase_shift", settings=settings).warm_up()
+
+    def _start_when_warm(self) -> None:
+        """Subscribe once the kernels are there: who waits for a subscriber loses nothing."""
+        if not self._worker.is_prepared():
+            return
+        self._worker.check_prepared()
+        self._start.cancel()
         self._inputs = HeadInputs(self, self._values["reliable_input"], self._take)
         refuse_unknown(self, qos=True)
-        self.add_on_set_parameters_callback(self._change_parameters)
         self.create_timer(self._values["diagnostics_period_s"], self._diagnose)
         self._jump_handle = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True),
@@ -82,20 +105,7 @@ class ReconstructionNode(Node):  # type: ignore[misc]
         )
         self.get_logger().info(f"ready: method {self._settings.method}, listening in {self.get_namespace()}")
 
-    def close(self) -> None:
-        """Finish the set under way and say the last counts."""
-        self._worker.stop()
-        self._diagnose()
-
-    def _warm_up(self) -> None:
-        """Load or compile the kernels before the first set, so that none is superseded by a slow start."""
-        Reconstructor(paper_rig(), paper_pattern(), settings=self._settings.settings).warm_up()
-        if self._settings.method == "phase_shift":
-            Reconstructor(
-                paper_rig(), paper_pattern(4), method="phase_shift", settings=self._settings.settings
-            ).warm_up()
-
-    def _take(self, matched: MatchedSet[Any]) -> None:
+    def _take(self, matched: MatchedSet[Any], calibration: Calibration | None) -> None:
         """Take one whole set: convert, choose the frames, hand over to the worker."""
         if matched.after_jump:
             self._ring.clear()
@@ -107,8 +117,8 @@ class ReconstructionNode(Node):  # type: ignore[misc]
         if not state.laser_on:
             self._refuse("laser off", "the projector is off; switch it on with projector/enable")
             return
-        if self._inputs.missing_infos:
-            self._refuse("no camera info", f"nothing came yet on {', '.join(self._inputs.missing_infos)}")
+        if calibration is None:
+            self._refuse("no camera info", "the head must publish left, right and projector/camera_info")
             return
         left, right = matched.items["left"], matched.items["right"]
         frame = Frame(matched.stamp_ns, state, Exposure(left, right))
@@ -116,21 +126,21 @@ class ReconstructionNode(Node):  # type: ignore[misc]
         if frames is None:
             self._tally.count(GATHERING)
             return
-        self._submit(frames)
+        self._submit(frames, calibration)
 
     def _frames_for(self, frame: Frame[Exposure]) -> tuple[Frame[Exposure], ...] | None:
         if self._settings.method != "phase_shift":
             return (frame,)
         return self._ring.add(frame)
 
-    def _submit(self, frames: tuple[Frame[Exposure], ...]) -> None:
+    def _submit(self, frames: tuple[Frame[Exposure], ...], calibration: Calibration) -> None:
         stamp = frames[len(frames) // 2].item.left.header.stamp
         header = Header(stamp=stamp, frame_id=FRAMES["left"])
         self._done.publish(header)
         if not self._results.wanted():
             self._tally.count(UNWATCHED)
             return
-        self._worker.submit(Job(header, frames, self._inputs.calibration, self._settings, self._output))
+        self._worker.submit(Job(header, frames, calibration, self._settings, self._output))
 
     def _work(self, job: Job) -> None:
         """In the worker's thread: reconstruct, publish; nothing that a message holds may end the thread."""
@@ -168,10 +178,13 @@ class ReconstructionNode(Node):  # type: ignore[misc]
         return SetParametersResult(successful=True)
 
     def _clock_jumped(self, jump: Any) -> None:
-        self._inputs.clear("the clock jumped")
+        if self._inputs is not None:
+            self._inputs.clear("the clock jumped")
         self._ring.clear()
 
     def _diagnose(self) -> None:
+        if self._inputs is None:
+            return
         statuses = self._report.statuses(self._inputs, self._tally.snapshot(), dict(self._facts))
         self._diagnostics.publish(statuses)
 

@@ -12,7 +12,7 @@ from stereo_msgs.msg import DisparityImage
 
 from moire_sensor.errors import SettingsError
 from moire_sensor.rig import StereoRig
-from moire_sensor.ros.camera_messages import camera_info
+from moire_sensor.ros.camera_messages import camera_info, camera_matrix
 from moire_sensor.ros.image_messages import image_message
 
 DEPTH_ENCODINGS = ("32FC1", "16UC1")
@@ -44,7 +44,7 @@ def background_image(header: Header, background: npt.NDArray[np.float32]) -> Ima
 
 def depth_camera_info(header: Header, rig: StereoRig) -> CameraInfo:
     """Return the info that belongs to the depth image: the rectified left camera, no lens."""
-    return camera_info(header, header.frame_id, rig.image_size, rig.P_left, rig.P_left[:, :3])
+    return camera_info(header, header.frame_id, rig.image_size, rig.P_left, camera_matrix(rig.P_left))
 
 
 def disparity_message(

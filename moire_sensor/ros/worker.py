@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from threading import Condition, Thread
 from typing import Generic, TypeVar
 
@@ -18,9 +19,18 @@ class Worker(Generic[Job]):
     work : called in the thread; it must handle its own errors.
     superseded : called with the number of jobs that a newer one pushed out.
     queue_depth : jobs that may wait, at least 1.
+    prepare : called first, in the thread.
     """
 
-    def __init__(self, work: Callable[[Job], None], superseded: Callable[[int], None], queue_depth: int) -> None:
+    def __init__(
+        self,
+        work: Callable[[Job], None],
+        superseded: Callable[[int], None],
+        queue_depth: int,
+        prepare: Callable[[], None] | None = None,
+    ) -> None:
+        self._prepare = prepare
+        self._prepared: Future[None] = Future()
         self._work = work
         self._superseded = superseded
         self._queue_depth = queue_depth
@@ -30,6 +40,14 @@ class Worker(Generic[Job]):
         self._stopped = False
         self._thread = Thread(target=self._run, name="reconstruction", daemon=True)
         self._thread.start()
+
+    def is_prepared(self) -> bool:
+        """Tell whether ``prepare`` is over."""
+        return self._prepared.done()
+
+    def check_prepared(self) -> None:
+        """Raise what ``prepare`` raised; waits for its end."""
+        self._prepared.result()
 
     def submit(self, job: Job) -> None:
         """Queue a job; never blocks."""
@@ -47,18 +65,29 @@ class Worker(Generic[Job]):
         with self._changed:
             return not self._waiting and not self._busy
 
-    def stop(self) -> None:
-        """End after the job under way; waiting jobs are superseded by the end."""
+    def stop(self, patience_s: float | None = None) -> bool:
+        """End after the job under way; waiting jobs are superseded by the end.
+
+        Returns False when what is under way takes longer than ``patience_s``.
+        """
         with self._changed:
             self._stopped = True
             left_over = len(self._waiting)
             self._waiting.clear()
             self._changed.notify_all()
-        self._thread.join()
+        self._thread.join(patience_s)
         if left_over:
             self._superseded(left_over)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
+        try:
+            if self._prepare is not None:
+                self._prepare()
+        except Exception as error:
+            self._prepared.set_exception(error)
+            return
+        self._prepared.set_result(None)
         while True:
             with self._changed:
                 self._busy = False
