@@ -25,6 +25,7 @@ Array = npt.NDArray[np.float64]
 NOISE_WINDOW_PX = 7
 # Steps that differ by less than this, radians, are equal: a rig file holds eight or nine digits.
 EQUAL_STEPS = 1e-6
+MAX_CONDITION = 1e3
 MIN_FREEDOM = 1e-6
 
 
@@ -36,12 +37,13 @@ class StepFilter:
     ----------
     weights : (3, n), frames to background, real and imaginary part of the fringe.
     design : (n, 3), the frames that those three would show without motion.
-    runs : (r, 2, n), frames to real and imaginary part, by each run of N successive frames alone.
+    moments : (r, 2, n), frames to real and imaginary part at r successive times, one frame apart: runs of N frames,
+        motion error cancelled once where there are three runs or more.
     """
 
     weights: Array
     design: Array
-    runs: Array
+    moments: Array
 
     @property
     def freedom(self) -> float:
@@ -64,17 +66,30 @@ class StepFilter:
             raise PatternError(f"{frame_count} frames came for {steps} steps; give at least {steps}")
         phases = np.array([step_phases_rad[(first_step + frame) % steps] for frame in range(frame_count)])
         design = np.stack([np.ones(frame_count), np.cos(phases), -np.sin(phases)], axis=1)
-        runs = frame_count - steps + 1
-        filters = np.zeros((runs, 3, frame_count))
-        for run in range(runs):
-            frames = slice(run, run + steps)
-            if np.linalg.cond(design[frames]) > 1e3:
-                raise PatternError(f"steps {step_phases_rad} rad do not determine a phase; spread them over a turn")
-            filters[run, :, frames] = np.linalg.pinv(design[frames])
+        filters = run_filters(design, steps)
+        runs = filters.shape[0]
         mean = run_weights(step_phases_rad, runs)
         background = np.tensordot(np.abs(mean) / np.abs(mean).sum(), filters[:, 0], axes=1)
-        fringe = np.tensordot(mean, filters[:, 1] + 1j * filters[:, 2], axes=1)
-        return cls(np.stack([background, fringe.real, fringe.imag]), design, filters[:, 1:])
+        phasors = filters[:, 1] + 1j * filters[:, 2]
+        fringe = mean @ phasors
+        if runs > 2:
+            pair = run_weights(step_phases_rad, 2)
+            phasors = pair[0] * phasors[:-1] + pair[1] * phasors[1:]
+        moments = np.stack([phasors.real, phasors.imag], axis=1)
+        return cls(np.stack([background, fringe.real, fringe.imag]), design, moments)
+
+
+def run_filters(design: Array, steps: int) -> Array:
+    """Least-squares filters (runs, 3, n) of every run of ``steps`` successive frames."""
+    frame_count = design.shape[0]
+    runs = frame_count - steps + 1
+    filters = np.zeros((runs, 3, frame_count))
+    for run in range(runs):
+        frames = slice(run, run + steps)
+        if np.linalg.cond(design[frames]) > MAX_CONDITION:
+            raise PatternError("the step phases do not determine a phase; spread three or more over a turn")
+        filters[run, :, frames] = np.linalg.pinv(design[frames])
+    return filters
 
 
 def run_weights(step_phases_rad: tuple[float, ...], runs: int) -> npt.NDArray[np.complex128]:
@@ -113,7 +128,7 @@ def phase_from_steps(frames: Float32, carrier: Carrier, steps: StepFilter, setti
     noise = frame_noise(frames, steps, np.stack([background, real, imaginary]), settings)
     gain = float(np.sqrt(0.5 * (steps.weights[1:] ** 2).sum()))
     status = np.zeros(amplitude.shape, dtype=np.uint8)
-    status[drift_rad(frames, steps) > settings.max_motion_rad] = Status.MOVED
+    status[drift_rad(frames, steps, 2 * carrier.half_width_px + 1) > settings.max_motion_rad] = Status.MOVED
     status[~(amplitude > settings.min_amplitude)] = Status.UNLIT
     status[(frames >= 254.5).any(axis=0)] = Status.SATURATED
     offset = wrapped(np.arctan2(imaginary, real) - carrier.phase_rad)
@@ -128,20 +143,22 @@ def apply_filter(weights: Array, frames: Float32) -> Float32:
     return np.asarray(np.tensordot(weights.astype(np.float32), frames, axes=1))
 
 
-def drift_rad(frames: Float32, steps: StepFilter) -> Float32:
-    """Mean phase drift from frame to frame (H, W), radians, 0..pi, between successive runs; 0 with a single run.
+def drift_rad(frames: Float32, steps: StepFilter, window_px: int) -> Float32:
+    """Phase drift from frame to frame (H, W), radians, 0..pi, over ``window_px`` columns; 0 with a single run.
 
-    The motion error of the runs overrates a fast drift: 0.31 rad reads 0.32, 0.8 rad reads 0.98 (four steps).
+    Averaged over a fringe period, since what motion error the moments have turns twice in it. With two moments a fast
+    drift is overrated: tan of the result is tan(e) / cos(e) for a drift e and four steps.
     """
     cross = np.zeros(frames.shape[1:], dtype=np.float32)
     along = np.zeros(frames.shape[1:], dtype=np.float32)
-    before = apply_filter(steps.runs[0], frames)
-    for weights in steps.runs[1:]:
+    before = apply_filter(steps.moments[0], frames)
+    for weights in steps.moments[1:]:
         after = apply_filter(weights, frames)
         cross += after[1] * before[0] - after[0] * before[1]
         along += after[0] * before[0] + after[1] * before[1]
         before = after
-    return np.asarray(np.abs(np.arctan2(cross, along)))
+    mean_cross, mean_along = (cv2.blur(part, (window_px, 1)) for part in (cross, along))
+    return np.asarray(np.abs(np.arctan2(mean_cross, mean_along)), dtype=np.float32)
 
 
 def frame_noise(frames: Float32, steps: StepFilter, parts: Float32, settings: Settings) -> Float32:

@@ -167,7 +167,7 @@ def bad_rigs() -> dict[str, tuple[dict[str, object], str]]:
     nan[1, 1] = np.nan
     far = PAPER.P_right.copy()
     return {
-        "swapped": ({"left": PAPER.P_right, "right": PAPER.P_left}, r"lies -94\.0 mm to the right.*swap left and right"),
+        "swapped": ({"left": PAPER.P_right, "right": PAPER.P_left}, r"lies -94\.0 mm to the right.*swap left"),
         "same place": ({"right": PAPER.P_left}, r"right camera lies (-?0\.0) mm"),
         "upside down": ({"right": rolled(180.0)}, "not a rectified pair"),
         "looking back": ({"right": far @ np.diag([-1.0, 1.0, -1.0, 1.0])}, "does not look where the left one looks"),
