@@ -17,6 +17,8 @@ UP, DOWN = 1, -1
 # Noise of an edge over camera noise: the smoothed grey level at the edge, and the mean of the two extrema's.
 SMOOTHING = (1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0)
 EDGE_NOISE = float(np.sqrt(1.5 * np.sum(np.square(SMOOTHING))))
+# Smoothing and the parabola of an extremum each reach two pixels to either side.
+BORDER_PX = 4
 QUANTISATION_NOISE = 12.0**-0.5
 CLIPPING_ROUNDS = 8
 # Variance of a normal distribution over its variance within three standard deviations.
@@ -108,7 +110,7 @@ def smoothed_rows(image: Float32) -> Float32:
 
 @njit(parallel=True, cache=True)
 def mark_extrema(smooth, contrast, extremum_x, count):  # type: ignore[no-untyped-def]
-    """Peaks and troughs of each row in turn, each ``contrast`` from the next; the row's ends are none."""
+    """Peaks and troughs of each row in turn, each ``contrast`` off what is before and behind it."""
     height, width = smooth.shape
     for y in prange(height):
         row = smooth[y]
@@ -120,12 +122,12 @@ def mark_extrema(smooth, contrast, extremum_x, count):  # type: ignore[no-untype
                 top = x
             if row[x] < row[bottom]:
                 bottom = x
-            found = -1
+            found, first = -1, seeking == 0
             if seeking >= 0 and row[x] <= row[top] - contrast:
                 found, seeking, bottom = top, -1, x
             elif seeking <= 0 and row[x] >= row[bottom] + contrast:
                 found, seeking, top = bottom, 1, x
-            if found > 0:
+            if not first and BORDER_PX <= found < width - BORDER_PX:
                 extremum_x[y, number] = found
                 number += 1
         count[y] = number
@@ -134,8 +136,6 @@ def mark_extrema(smooth, contrast, extremum_x, count):  # type: ignore[no-untype
 @njit(cache=True)
 def extremum_level(row, x):  # type: ignore[no-untyped-def]
     """Grey level at the top of the parabola through an extremum and the samples two pixels off."""
-    if x < 2 or x > row.size - 3:
-        return row[x]
     tilt = row[x + 2] - row[x - 2]
     bend = row[x + 2] - np.float32(2.0) * row[x] + row[x - 2]
     if abs(bend) <= abs(tilt):

@@ -26,7 +26,8 @@ def on_left_grid(
     at = (points.row, nearest_pixel(points.left_x_px))
     order = np.full(picture.shape, UNKNOWN_ORDER, dtype=np.int16)
     order[at] = points.fringe_order
-    window = (2 * round(0.5 * period_px(projector, rig)) + 1, 1)
+    period = period_px(projector, rig)
+    window = (2 * round(0.5 * period) + 1, 1)
     status = edge_status(picture, edges, window, settings)
     status[at] = Status.OK
 
@@ -43,7 +44,13 @@ def on_left_grid(
         confidence=placed(1.0 - points.mismatch_px / settings.same_side_px, 0.0),
         status=status,
         background=np.asarray(cv2.blur(picture, window), dtype=np.float32),
+        typical_mismatch_rad=2.0 * np.pi / period * upper_quartile(points.mismatch_px),
     )
+
+
+def upper_quartile(values: Array) -> float:
+    """Upper quartile of values (N,); NaN of none."""
+    return float(np.percentile(values, 75.0)) if values.size else float("nan")
 
 
 def nearest_pixel(x_px: npt.NDArray[np.floating]) -> npt.NDArray[np.int64]:

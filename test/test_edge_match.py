@@ -1,0 +1,165 @@
+"""The dynamic programme against an exhaustive search, the paper's constraints, and what it cannot do."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from edge_rigs import edge_rows, random_edges
+
+from moire_sensor.edge_candidates import Candidates
+from moire_sensor.edge_match import LAMBDA_OC, TIE_BREAK, fill_table, last_match, match_edges, matching_rules
+from moire_sensor.edge_settings import EdgeSettings
+from moire_sensor.edge_spread import in_company, spread_rows
+
+RANGE_PX = (50.0, 150.0)
+
+
+def candidates_at(columns: list[list[list[float]]], orders: list[list[list[int]]] | None = None) -> Candidates:
+    """Candidates given row by row, edge by edge."""
+    most = max([1, *(len(edge) for row in columns for edge in row)])
+    left_x = np.full((len(columns), max([1, *(len(row) for row in columns)]), most), np.nan, dtype=np.float32)
+    half_order = np.zeros(left_x.shape, dtype=np.int32)
+    for y, row in enumerate(columns):
+        for number, edge in enumerate(row):
+            left_x[y, number, : len(edge)] = edge
+            if orders is not None:
+                half_order[y, number, : len(edge)] = orders[y][number]
+    return Candidates(left_x, half_order)
+
+
+def slow_unlike(left, right, candidates: np.ndarray, s: EdgeSettings) -> float:
+    """Four-valued dissimilarity, straight from section 3.4; 0 with the tie break of mismatch."""
+    inside = RANGE_PX[0] - 1.0 <= left[0] - right[0] <= RANGE_PX[1] + 1.0
+    if left[1] != right[1] or not inside:
+        return s.penalty
+    off = min((abs(c - left[0]) for c in candidates if c == c), default=np.inf)
+    return TIE_BREAK * off / s.same_side_px if off <= s.same_side_px else s.lambda_mat
+
+
+def slow_best(left, right, candidates: np.ndarray, s: EdgeSettings) -> tuple[float, list[tuple[int, int]]]:
+    """Least J over every set of matches that keeps constraints 2 and 3."""
+    n, m = len(left), len(right)
+    best: tuple[float, list[tuple[int, int]]] = (s.lambda_oc * ((n > 0) + (m > 0)), [])
+    for size in range(1, min(n, m) + 1):
+        for chosen in itertools.product(itertools.combinations(range(n), size), itertools.combinations(range(m), size)):
+            pairs = list(zip(*chosen, strict=True))
+            steps = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(pairs)]
+            if any(i > 1 and j > 1 for i, j in steps):
+                continue
+            ends = [pairs[0][0] > 0, pairs[0][1] > 0, pairs[-1][0] < n - 1, pairs[-1][1] < m - 1]
+            occlusions = sum(ends) + sum(i > 1 or j > 1 for i, j in steps)
+            unlike = sum(slow_unlike(left[i], right[j], candidates[j], s) for i, j in pairs)
+            cost = occlusions * s.lambda_oc - size * s.lambda_r + unlike
+            if cost < best[0] - 1e-9:
+                best = (cost, pairs)
+    return best
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_cost_and_matches_equal_an_exhaustive_search(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    left = random_edges(generator, 100.0, 200.0, int(generator.integers(0, 6)))
+    right = random_edges(generator, 0.0, 110.0, int(generator.integers(0, 6)))
+    # One candidate lies beside a left edge, most within the tolerance, the other anywhere.
+    lies = [x for x, _ in left] or [150.0]
+    columns = [[generator.choice(lies) + generator.normal(0, 0.8), generator.uniform(100, 200)] for _ in right]
+    settings = EdgeSettings(lambda_oc=float(generator.uniform(0.1, 1.5)), penalty=5.0)
+    lefts, rights = edge_rows([left]), edge_rows([right])
+    candidates = candidates_at([columns])
+    rules = matching_rules(RANGE_PX, settings)
+    a, b = lefts.packed()[0, : len(left)], rights.packed()[0, : len(right)]
+    table = (len(left) + 1, len(right) + 1, 4)
+    best, origin = np.zeros(table), np.zeros(table, dtype=np.int8)
+    fill_table(a, b, candidates.left_x_px[0], rules, best, origin)
+    i, j = last_match(best, len(left), len(right), rules[LAMBDA_OC])
+    cost = settings.lambda_oc * ((i < len(left)) + (j < len(right))) + (best[i, j, 1] if i else 0.0)
+
+    slow_cost, slow_pairs = slow_best(a, b, candidates.left_x_px[0], settings)
+    assert cost == pytest.approx(slow_cost, abs=1e-6)
+    found = match_edges(lefts, rights, candidates, rules).partner[0]
+    expected = np.full(lefts.x_px.shape[1], -1)
+    for i, j in slow_pairs:
+        if slow_unlike(a[i], b[j], candidates.left_x_px[0, j], settings) <= TIE_BREAK:
+            expected[i] = j
+    assert found.tolist() == expected.tolist()
+
+
+def even_edges(start: float, count: int, side: int = 1, pitch: float = 8.3) -> list[tuple[float, int]]:
+    return [(start + pitch * k, side if k % 2 == 0 else -side) for k in range(count)]
+
+
+def test_an_occluded_stretch_costs_one_occlusion_and_is_bridged() -> None:
+    left = even_edges(200.0, 20)
+    right = [(x - 100.0, side) for x, side in left[:8]] + [(x - 100.0, side) for x, side in left[12:]]
+    candidates = candidates_at([[[x + 100.0] for x, _ in right]])
+    match = match_edges(edge_rows([left]), edge_rows([right]), candidates, matching_rules(RANGE_PX, EdgeSettings()))
+    assert match.partner[0].tolist() == [*range(8), -1, -1, -1, -1, *range(8, 16)]
+
+
+def test_matches_never_cross_so_a_thin_thing_in_front_costs_the_background_or_itself() -> None:
+    """Constraint 2 fails on thin things: right of the background's edges on the left, left of them on the right."""
+    left = [*even_edges(200.0, 4), *even_edges(240.0, 2), *even_edges(262.0, 4)]
+    disparity = [60.0] * 4 + [100.0] * 2 + [60.0] * 4
+    seen = sorted((x - d, side, x) for (x, side), d in zip(left, disparity, strict=True))
+    right, truth = [(x, side) for x, side, _ in seen], [[at] for *_, at in seen]
+    match = match_edges(
+        edge_rows([left]), edge_rows([right]), candidates_at([truth]), matching_rules(RANGE_PX, EdgeSettings())
+    )
+    partners = match.partner[0][match.partner[0] >= 0]
+    assert np.all(np.diff(partners) > 0)
+    assert match.partner[0, 4] == match.partner[0, 5] == -1
+    assert (match.partner[0] >= 0).sum() == 8
+
+
+def test_an_edge_of_the_other_side_or_of_another_height_is_no_correspondence() -> None:
+    rules = matching_rules(RANGE_PX, EdgeSettings())
+    candidates = candidates_at([[[200.0], [208.3]]])
+    right = edge_rows([even_edges(100.0, 2)])
+    assert match_edges(edge_rows([even_edges(200.0, 2)]), right, candidates, rules).partner.tolist() == [[0, 1]]
+    assert match_edges(edge_rows([even_edges(200.0, 2, -1)]), right, candidates, rules).partner.tolist() == [[-1, -1]]
+    dark = edge_rows([even_edges(200.0, 2)], height=30.0)
+    assert match_edges(dark, right, candidates, rules).partner.tolist() == [[-1, -1]]
+    shifted = edge_rows([even_edges(201.3, 2)])
+    assert match_edges(shifted, right, candidates, rules).partner.tolist() == [[-1, -1]]
+
+
+def test_company_asks_for_neighbours_of_the_next_fringe_edge() -> None:
+    left = edge_rows([even_edges(200.0, 5)])
+    right = edge_rows([even_edges(100.0, 5)])
+    orders = [[[4], [5], [6], [9], [10]]]
+    candidates = candidates_at([[[x] for x, _ in even_edges(200.0, 5)]], orders)
+    match = match_edges(left, right, candidates, matching_rules(RANGE_PX, EdgeSettings()))
+    assert in_company(match, candidates, 1).tolist() == [[True] * 5]
+    assert in_company(match, candidates, 2).tolist() == [[True] * 5]
+    assert in_company(match, candidates, 3).tolist() == [[True, True, True, False, False]]
+    match.partner[0, 1] = -1
+    assert in_company(match, candidates, 2).tolist() == [[False, False, False, True, True]]
+
+
+def test_rows_between_follow_edges_that_drift_and_stop_where_they_end() -> None:
+    settings = EdgeSettings(rows=5)
+    rows_l = [[(x + 0.7 * y, side) for x, side in even_edges(200.0, 6)] for y in range(10)]
+    rows_r = [[(x - 100.0, side) for x, side in row] for row in rows_l]
+    rows_l[9] = rows_l[9][:3]
+    truth = candidates_at([[[x + 100.0] for x, _ in row] for row in rows_r])
+    left, right = edge_rows(rows_l), edge_rows(rows_r)
+    rules = matching_rules(RANGE_PX, settings)
+    match = match_edges(left, right, truth, rules, settings.rows)
+    assert [y for y in range(10) if (match.partner[y] >= 0).any()] == [2, 7]
+    spread = spread_rows(match, left, right, truth, rules, settings)
+    assert spread.partner[:9].tolist() == [list(range(6))] * 9
+    assert spread.partner[9].tolist() == [0, 1, 2, -1, -1, -1]
+
+
+def test_a_followed_edge_must_confirm_the_same_fringe() -> None:
+    settings = EdgeSettings(rows=2)
+    row = even_edges(200.0, 3)
+    left = edge_rows([row, row])
+    right = edge_rows([[(x - 100.0, side) for x, side in row]] * 2)
+    columns = [[[x] for x, _ in row]] * 2
+    candidates = candidates_at(columns, [[[0], [3], [2]], [[0], [1], [2]]])
+    rules = matching_rules(RANGE_PX, settings)
+    spread = spread_rows(match_edges(left, right, candidates, rules, 2), left, right, candidates, rules, settings)
+    assert spread.partner.tolist() == [[0, -1, 2], [0, 1, 2]]
