@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from moire_sim.capture import Grey, HeadCapture, stacked
 from moire_sim.errors import SceneError
 from moire_sim.exposure import exposed, noise_generator
 from moire_sim.fringe_image import Light
+from moire_sim.random_dots import Projected
 
 # Projector light left in the fringes' dark parts, grey levels.
 DARK_FRINGE = 10.0
@@ -93,26 +95,56 @@ def analytic_capture(
     SceneError
         An unknown name.
     """
-    surfaces = scene_surfaces(name)
     pattern = pattern or paper_pattern()
     light = Light(offset=amplitude + DARK_FRINGE, amplitude=amplitude, gamma=gamma, blur_px=blur_px)
-    if rig is None:
-        rig, projector_size = paper_rig(), projector_size or PROJECTOR_SIZE
-    views = [
-        AnalyticView.of(surfaces, rig, projection, texture, projector_size) for projection in (rig.P_left, rig.P_right)
-    ]
-    images: list[Grey] = []
-    for camera, view in enumerate(views):
-        frames = []
-        for step in range(pattern.step_count):
-            ideal = view.picture(pattern, step, light)
-            frames.append(exposed(ideal, noise, noise_generator(seed, step, camera), bits))
-        images.append(stacked(frames))
-    left = views[0].centres
-    depth_m = np.where(left.surface >= 0, left.points_m[2], np.nan).astype(np.float32).reshape(views[0].shape)
-    lit = left.lit.reshape(views[0].shape)
-    covisible = lit & seen_from_right(surfaces, rig, left.points_m).reshape(lit.shape)
-    return HeadCapture(images[0], images[1], depth_m, covisible, lit, rig, pattern)
+    scene = AnalyticScene.of(scene_surfaces(name), texture, rig, projector_size)
+    left, right = scene.images(pattern, [light] * pattern.step_count, noise, seed, bits)
+    return HeadCapture(left, right, scene.depth_m, scene.covisible, scene.lit, scene.rig, pattern)
+
+
+@dataclass(frozen=True, eq=False)
+class AnalyticScene:
+    """What stays of a scene whatever light falls on it; the images (H, W) are as in :class:`HeadCapture`."""
+
+    rig: StereoRig
+    views: tuple[AnalyticView, AnalyticView]
+    depth_m: npt.NDArray[np.float32]
+    covisible: npt.NDArray[np.bool_]
+    lit: npt.NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls,
+        surfaces: Sequence[Surface],
+        texture: float = 0.0,
+        rig: StereoRig | None = None,
+        projector_size: tuple[int, int] | None = None,
+    ) -> AnalyticScene:
+        """Cast all rays; the parameters are those of :func:`analytic_capture`."""
+        if rig is None:
+            rig, projector_size = paper_rig(), projector_size or PROJECTOR_SIZE
+        left, right = (
+            AnalyticView.of(surfaces, rig, projection, texture, projector_size)
+            for projection in (rig.P_left, rig.P_right)
+        )
+        centres = left.centres
+        depth_m = np.where(centres.surface >= 0, centres.points_m[2], np.nan).astype(np.float32).reshape(left.shape)
+        lit = centres.lit.reshape(left.shape)
+        covisible = lit & seen_from_right(surfaces, rig, centres.points_m).reshape(left.shape)
+        return cls(rig, (left, right), depth_m, covisible, lit)
+
+    def images(
+        self, pattern: Projected, lights: Sequence[Light], noise: float = 1.5, seed: int = 0, bits: int = 8
+    ) -> tuple[Grey, Grey]:
+        """Left and right pictures of a pattern, one light for each of its steps; (n, H, W) for n > 1 steps."""
+        images: list[Grey] = []
+        for camera, view in enumerate(self.views):
+            ideal = [view.picture(pattern, step, light) for step, light in enumerate(lights)]
+            frames = [
+                exposed(one, noise, noise_generator(seed, step, camera), bits) for step, one in enumerate(ideal)
+            ]
+            images.append(stacked(frames))
+        return images[0], images[1]
 
 
 def scene_surfaces(name: str) -> tuple[Surface, ...]:

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from moire_sensor.pattern import FringePattern
 from moire_sensor.rig import StereoRig
 from moire_sim.analytic_surfaces import Array, Surface, cast, unit, unobstructed
-from moire_sim.exposure import lens_blur, projected_signal
+from moire_sim.exposure import lens_blur
 from moire_sim.fringe_image import Light
+from moire_sim.random_dots import Projected, signal_at
 
 Mask = npt.NDArray[np.bool_]
 SUPERSAMPLES = 4
@@ -24,7 +24,8 @@ CHECKER_M = 0.025
 class Samples:
     """What rays through image points meet; every array has one entry per ray.
 
-    ``reflectance`` is albedo times Lambert's cosine where lit and 0 in shadow; ``surface`` is -1 for a miss.
+    ``reflectance`` is albedo times Lambert's cosine where lit and 0 in shadow; ``surface`` is -1 for a miss;
+    ``projector_px`` is (N, 2), device column and row.
     """
 
     points_m: Array
@@ -32,7 +33,7 @@ class Samples:
     lit: Mask
     albedo: Array
     reflectance: Array
-    projector_column_px: Array
+    projector_px: Array
 
 
 def device_centre(projection: Array) -> Array:
@@ -71,7 +72,7 @@ def sample(
     device = rig.projector_pixels(points.T)
     lit = hit & (lambert > 0.0) & in_image(device, projector_size) & unobstructed(surfaces, light, points)
     albedo = np.where(hit, checker_albedo(points, texture), 0.0)
-    return Samples(points, np.where(hit, surface, -1), lit, albedo, np.where(lit, albedo * lambert, 0.0), device[:, 0])
+    return Samples(points, np.where(hit, surface, -1), lit, albedo, np.where(lit, albedo * lambert, 0.0), device)
 
 
 def in_image(pixels: Array, size: tuple[int, int] | None) -> Mask:
@@ -124,11 +125,11 @@ class AnalyticView:
         fine = sample(surfaces, rig, projection, fine_columns, fine_rows, texture, projector_size)
         return cls((height, width), centres, chosen, fine)
 
-    def picture(self, pattern: FringePattern, step: int, light: Light) -> npt.NDArray[np.float32]:
+    def picture(self, pattern: Projected, step: int, light: Light) -> npt.NDArray[np.float32]:
         """Ideal grey levels (H, W): ``albedo ambient + reflectance (offset + amplitude signal)``, blurred."""
 
         def grey(samples: Samples, footprint_px: float) -> Array:
-            signal = projected_signal(pattern, samples.projector_column_px, step, light.gamma, footprint_px)
+            signal = signal_at(pattern, samples.projector_px, step, light.gamma, footprint_px)
             return samples.albedo * light.ambient + samples.reflectance * (light.offset + light.amplitude * signal)
 
         image = grey(self.centres, 1.0)

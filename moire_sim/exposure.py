@@ -28,6 +28,11 @@ def projected_signal(
         wave = np.clip(edge_distance_rad / half_footprint_rad, -1.0, 1.0)
     else:
         wave = pattern.signal(column_px, step)
+    return bent_response(wave, gamma)
+
+
+def bent_response(wave: npt.NDArray[np.float64], gamma: float) -> npt.NDArray[np.float64]:
+    """Brightness in -1..1 that a projector of this ``gamma`` makes of a signal in -1..1; 1 is linear."""
     return wave if gamma == 1.0 else 2.0 * np.power((1.0 + wave) / 2.0, gamma) - 1.0
 
 
