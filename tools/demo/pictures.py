@@ -17,6 +17,9 @@ from moire_sensor.shot import UNKNOWN_ORDER
 # Both maps are safe for colour-blind readers; unknown pixels are grey.
 DEPTH_MAP, ERROR_MAP, UNKNOWN_COLOUR = "cividis", "PuOr", "0.75"
 POINT_STRIDE = 4
+# A flat thing gets one colour, not the colours of its noise.
+LEAST_RELIEF_M = 0.02
+LEAST_AXIS_M = 0.15
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ def draw_overview(view: View, path: Path) -> None:
     draw_image(axes[0, 0], view.left, "left camera", "grey level", "gray", (0, saturation(view.left)))
     draw_image(axes[0, 1], view.right, "right camera", "grey level", "gray", (0, saturation(view.right)))
     draw_image(axes[0, 2], order, "fringe order", "projector period (number)", "viridis", span(order, 0))
-    draw_image(axes[1, 0], view.depth_m, "depth", "z (m)", DEPTH_MAP, span(view.depth_m, 0.5))
+    draw_image(axes[1, 0], view.depth_m, "depth", "z (m)", DEPTH_MAP, span(view.depth_m, 0.5, LEAST_RELIEF_M))
     limits = (-view.error_limit_mm, view.error_limit_mm)
     draw_image(axes[1, 1], view.error_mm, view.error_title, "mm", ERROR_MAP, limits)
     draw_points(figure, axes[1, 2], view.points_m)
@@ -65,25 +68,28 @@ def draw_points(figure: Figure, place: Any, points_m: npt.NDArray[np.float32]) -
     axes: Any = figure.add_subplot(place.get_subplotspec(), projection="3d")
     place.remove()
     grid = points_m[::POINT_STRIDE, ::POINT_STRIDE].reshape(-1, 3)
-    near, far = span(grid[:, 2], 0.5)
+    near, far = span(grid[:, 2], 0.5, LEAST_RELIEF_M)
     shown = grid[(grid[:, 2] >= near) & (grid[:, 2] <= far)]
     if len(shown):
         x, y, z = shown.T
-        axes.scatter(x, z, -y, c=z, s=1.5, cmap=DEPTH_MAP, linewidths=0, depthshade=False)
-        axes.set_box_aspect([max(float(np.ptp(values)), 1e-3) for values in (x, z, y)])
+        axes.scatter(x, z, -y, c=z, s=1.5, cmap=DEPTH_MAP, vmin=near, vmax=far, linewidths=0, depthshade=False)
+        limits = [span(values, 0.0, LEAST_AXIS_M) for values in (x, z, -y)]
+        axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2])
+        axes.set_box_aspect([high - low for low, high in limits])
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4))
     axes.set(title="3-D view", xlabel="x (m)", ylabel="z (m)", zlabel="-y (m)")
     axes.view_init(elev=22, azim=-62)
 
 
-def span(values: npt.NDArray[Any], percent: float) -> tuple[float, float]:
-    """Lower and upper limit of the known values, without ``percent`` at each end."""
+def span(values: npt.NDArray[Any], percent: float, least: float = 0.0) -> tuple[float, float]:
+    """Lower and upper limit of the known values, without ``percent`` at each end, ``least`` apart or more."""
     known = values[np.isfinite(values)]
     if not known.size:
         return 0.0, 1.0
     low, high = np.percentile(known, [percent, 100 - percent])
-    return float(low), float(max(high, low + 1e-3))
+    spare = max(0.0, least - (high - low)) / 2
+    return float(low - spare), float(high + spare)
 
 
 def saturation(image: npt.NDArray[Any]) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tools.demo.pictures import View
+from tools.demo.pictures import View, span
 from tools.demo.score import SceneResult
 from tools.demo.table import Outcome, cells, columns
 
@@ -95,6 +95,7 @@ def cloud_json(view: View) -> dict[str, Any]:
     return {
         "title": view.title,
         "unit_m": POINT_UNIT_M,
+        "relief_m": float(np.ptp(span(view.depth_m, 0.5))),
         "points": base64.b64encode(packed.tobytes()).decode(),
         "grey": base64.b64encode(shades.tobytes()).decode(),
     }
