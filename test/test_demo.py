@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -174,6 +175,36 @@ def test_report_is_one_file_with_table_pictures_and_points(tmp_path: Path, captu
     assert clouds[0]["title"] == "a <plane>"
     known = np.isfinite(points_m[::2, ::2, 2]).sum()
     assert len(clouds[0]["grey"]) == 4 * -(-known // 3)
+
+
+def test_a_scene_through_both_nodes_ends_right(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["demo"])
+    monkeypatch.setattr(demo_run, "isolate_ros", StringIO)  # this test run is isolated already
+    monkeypatch.setattr(demo_run, "scene_names", lambda: ("flat_board",))
+    # Few and slow enough that no machine has to supersede one: the reconstruction's queue holds three.
+    monkeypatch.setattr(demo_run, "SCENE_EXPOSURES", 3)
+    monkeypatch.setattr(demo_run, "RATE_HZ", 2.0)
+    assert demo_run.main() == 0
+    printed = capsys.readouterr().out
+    assert re.search(r"flat_board +dense +3 +3 +3 +0 .* right\n", printed)
+    assert {path.name for path in (tmp_path / "demo").iterdir()} == {"COLCON_IGNORE", "flat_board", "report.html"}
+    assert (tmp_path / "demo/flat_board/bag/metadata.yaml").is_file()
+    assert (tmp_path / "demo/flat_board/overview.png").stat().st_size > 50_000
+
+
+def test_what_is_not_right_ends_with_1_and_the_reason(
+    tmp_path: Path, capture: HeadCapture, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = result_of(capture.depth_m, capture)
+    wrong = Outcome(RUN, Recording(tmp_path / "bag", 20, COUNTS, [0.05]), result, ("something is wrong",))
+    monkeypatch.setattr(demo_run, "write_report", lambda output, outcomes: output / "report.html")
+    right = replace(wrong, complaints=())
+    assert demo_run.conclude([(right, None)]) == 0  # type: ignore[list-item]
+    assert demo_run.conclude([(right, None), (wrong, None)]) == 1  # type: ignore[list-item]
+    assert capsys.readouterr().err == "demo: not right: flat_board, something is wrong\n"
 
 
 def test_bad_capture_folder_ends_the_demo_in_one_line(

@@ -40,7 +40,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--capture", type=Path, help="capture folder to play instead of the scenes")
     folder = parser.parse_args().capture
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the nodes are stopped then too
     try:
         prepare(OUTPUT)
         capture = folder and read_capture(folder)
@@ -59,9 +58,13 @@ def main() -> int:
     except KeyboardInterrupt:
         print("demo: stopped", file=sys.stderr)
         return 130
+    return conclude(outcomes)
+
+
+def conclude(outcomes: list[tuple[Outcome, View]]) -> int:
+    """Print the table, write the report, name everything that is not right; 1 if anything is not."""
     print(f"\n{as_text([outcome for outcome, _ in outcomes])}\n")
-    report = write_report(OUTPUT, outcomes)
-    print(f"pictures and the cloud to turn: {report}")
+    print(f"pictures and the cloud to turn: {write_report(OUTPUT, outcomes)}")
     complaints = [f"{outcome.run.name}, {text}" for outcome, _ in outcomes for text in outcome.complaints]
     for complaint in complaints:
         print(f"demo: not right: {complaint}", file=sys.stderr)
@@ -162,4 +165,5 @@ def last_images(bag: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the nodes are stopped then too
     sys.exit(main())
