@@ -23,8 +23,8 @@ from moire_sensor.shot import Status
 
 Array = npt.NDArray[np.float64]
 NOISE_WINDOW_PX = 7
-# Steps that differ by less than this, radians, are equal: a rig file holds eight or nine digits.
-EQUAL_STEPS = 1e-6
+# Steps that differ by less than this, radians, are equal: rounded in a file, they cancel motion error to a thousandth.
+EQUAL_STEPS = 1e-3
 MAX_CONDITION = 1e3
 MIN_FREEDOM = 1e-6
 
