@@ -8,7 +8,6 @@ are matched again, from the disparity that the fringe order gave them.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.depth_refine import Match

@@ -9,10 +9,10 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.angles import wrap
-from moire_sensor.order_cost import OrderRange, disparity_of_phase, right_phase
+from moire_sensor.order_cost import OrderRange, right_phase
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
-from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.projector_map import ProjectorMap, disparity_of_phase, phase_of_disparity
 from moire_sensor.settings import Settings
 from moire_sensor.shot import UNKNOWN_ORDER
 
@@ -60,17 +60,10 @@ def refine(
     return Match(result[0], result[1], result[2])
 
 
-@njit(inline="always", fastmath=False)
-def phase_of_disparity(map_, x, y, disparity):  # type: ignore[no-untyped-def]
-    """Absolute projector phase at left pixel (x, y) and disparity, and its derivative with disparity."""
-    above = map_[0] + map_[1] * x + map_[2] * y + map_[3] * disparity
-    below = map_[4] + map_[5] * x + map_[6] * y + map_[7] * disparity
-    column = above / below
-    return map_[8] * column + map_[9], map_[8] * (map_[3] - column * map_[7]) / below
-
-
 @njit(parallel=True, cache=True)
-def solve_disparity(label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, common, alignment, result):  # type: ignore[no-untyped-def]
+def solve_disparity(  # type: ignore[no-untyped-def]
+    label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, common, alignment, result
+):
     """Fill ``result`` (3, H, W): disparity, sigma, mismatch."""
     height, width = label.shape
     for y in prange(height):

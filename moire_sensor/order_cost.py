@@ -9,13 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import wrap
+from moire_sensor.angles import TWO_PI, wrap
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
-from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.projector_map import ProjectorMap, disparity_of_phase
 
 # A mismatch of 90 degrees is as bad as any: orders that are off land 34 to 163 degrees away in the paper's rig.
 FULL_MISMATCH_RAD = np.float32(np.pi / 2.0)
@@ -65,7 +64,11 @@ def order_costs(
     orders: OrderRange,
     shading_rad: float,
 ) -> Float32:
-    """Cost 0..1 of every candidate order, (H, W, labels) float32; 3 outside the depth range, 0 where phase is unknown."""
+    """Cost of every candidate order, (H, W, labels) float32.
+
+    0 to 1 by the phases, up to 2 where grey levels decide between orders; 3 outside the depth range, 0 where the phase
+    is unknown.
+    """
     cost = np.empty((*left.offset_rad.shape, orders.count), dtype=np.float32)
     limits = (orders.min_disparity_px - RANGE_MARGIN_PX, orders.max_disparity_px + RANGE_MARGIN_PX)
     fill_costs(
@@ -74,15 +77,6 @@ def order_costs(
         np.float32(shading_rad), cost,
     )  # fmt: skip
     return cost
-
-
-@njit(inline="always", fastmath=False)
-def disparity_of_phase(map_, x, y, phase):  # type: ignore[no-untyped-def]
-    """Disparity at which left pixel (x, y) shows an absolute phase: the inverse of ProjectorMap."""
-    column = (phase - map_[9]) / map_[8]
-    above = map_[0] + map_[1] * x + map_[2] * y
-    below = map_[4] + map_[5] * x + map_[6] * y
-    return (column * below - above) / (map_[3] - column * map_[7])
 
 
 @njit(inline="always", fastmath=False)
@@ -134,40 +128,54 @@ def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, 
         matched = np.empty(labels, dtype=np.float32)
         apart = np.empty(labels, dtype=np.float32)
         for x in range(width):
-            offset = left[y, x]
-            if np.isnan(offset):
+            if np.isnan(left[y, x]):
                 cost[y, x, :] = np.float32(0.0)
                 continue
-            closest = FULL_MISMATCH_RAD
-            for label in range(labels):
-                phase = left_rad[y, x] + offset + np.float32(2.0 * np.pi) * np.float32(first + label)
-                disparity = disparity_of_phase(map_, x, y, phase)
-                matched[label] = np.float32(np.nan)
-                if not (low <= disparity <= high):
-                    cost[y, x, label] = BLOCKED_COST
-                    continue
-                cost[y, x, label] = UNSEEN_COST
-                column = x - disparity
-                if column < -0.5 or column > width - 0.5:
-                    continue
-                seen, slope = right_phase(right, right_rad, y, column)
-                if np.isnan(seen):
-                    continue
-                mismatch = wrap(np.float32(phase - seen))
-                cost[y, x, label] = phase_cost(abs(mismatch), flat)
-                apart[label] = abs(mismatch)
-                closest = min(closest, abs(mismatch))
-                matched[label] = column + mismatch / slope
-            rivals = 0
-            for label in range(labels):
-                if not np.isnan(matched[label]) and apart[label] < closest + RIVAL_RAD:
-                    rivals += 1
-            if rivals > 1:
-                for label in range(labels):
-                    if not np.isnan(matched[label]) and apart[label] < closest + RIVAL_RAD:
-                        grey = smallest_difference(left_i, right_i, y, x, matched[label], REACH_PX)
-                        grey *= GREY_WEIGHT / max(left_b[y, x], np.float32(1.0))
-                        cost[y, x, label] += min(grey, np.float32(1.0))
+            phase = left_rad[y, x] + left[y, x]
+            add_phases(phase, right, right_rad, y, x, map_, first, low, high, flat, cost[y, x], matched, apart)
+            add_greys(left_i, right_i, left_b[y, x], y, x, cost[y, x], matched, apart)
+
+
+@njit(inline="always", fastmath=False)
+def add_phases(phase, right, right_rad, y, x, map_, first, low, high, flat, cost, matched, apart):  # type: ignore[no-untyped-def]
+    """Fill one pixel's costs by phase, the right columns where the phases match (NaN: none), and the mismatches."""
+    width = right.shape[1]
+    for label in range(cost.size):
+        absolute = phase + TWO_PI * np.float32(first + label)
+        disparity = disparity_of_phase(map_, x, y, absolute)
+        matched[label] = np.float32(np.nan)
+        if not (low <= disparity <= high):
+            cost[label] = BLOCKED_COST
+            continue
+        cost[label] = UNSEEN_COST
+        column = x - disparity
+        if column < -0.5 or column > width - 0.5:
+            continue
+        seen, slope = right_phase(right, right_rad, y, column)
+        if not np.isnan(seen):
+            mismatch = wrap(np.float32(absolute - seen))
+            apart[label] = abs(mismatch)
+            cost[label] = phase_cost(apart[label], flat)
+            matched[label] = column + mismatch / slope
+
+
+@njit(inline="always", fastmath=False)
+def add_greys(left_i, right_i, amplitude, y, x, cost, matched, apart):  # type: ignore[no-untyped-def]
+    """Add to the costs of one pixel what grey levels say, where several orders match about as well by phase."""
+    closest = FULL_MISMATCH_RAD
+    for label in range(cost.size):
+        if not np.isnan(matched[label]):
+            closest = min(closest, apart[label])
+    rivals = 0
+    for label in range(cost.size):
+        if not np.isnan(matched[label]) and apart[label] < closest + RIVAL_RAD:
+            rivals += 1
+    if rivals > 1:
+        for label in range(cost.size):
+            if not np.isnan(matched[label]) and apart[label] < closest + RIVAL_RAD:
+                grey = smallest_difference(left_i, right_i, y, x, matched[label], REACH_PX)
+                grey *= GREY_WEIGHT / max(amplitude, np.float32(1.0))
+                cost[label] += min(grey, np.float32(1.0))
 
 
 @njit(inline="always", fastmath=False)

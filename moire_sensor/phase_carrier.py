@@ -63,15 +63,28 @@ class Carrier:
         inverse = inverse_normal_matrices(cos, sin, half_width, half_height_px)
         ripple = ripple_factor(float(np.median(np.abs(rad_per_px))), half_width)
         detuned = detuned_table(rad_per_px, half_width, half_height_px)
-        tables = (phase, cos, sin, rad_per_px, inverse, detuned)
-        float32 = [np.ascontiguousarray(table, dtype=np.float32) for table in tables]
-        return cls(*float32, half_width, half_height_px, ripple)
+        return cls(
+            phase_rad=as_float32(phase),
+            cos=as_float32(cos),
+            sin=as_float32(sin),
+            rad_per_px=as_float32(rad_per_px),
+            inverse=as_float32(inverse),
+            detuned=as_float32(detuned),
+            half_width_px=half_width,
+            half_height_px=half_height_px,
+            ripple=ripple,
+        )
+
+
+def as_float32(table: npt.NDArray[np.float64]) -> Float32:
+    """Contiguous float32 copy, as the kernels read it."""
+    return np.ascontiguousarray(table, dtype=np.float32)
 
 
 def half_period_px(rad_per_px: npt.NDArray[np.float64]) -> int:
     """Half of the odd number of columns nearest to the median period, or raise SettingsError."""
     speed = float(np.median(np.abs(rad_per_px)))
-    height, width = rad_per_px.shape
+    width = rad_per_px.shape[1]
     period_px = 2.0 * np.pi / max(speed, 1e-9)
     if not MIN_WINDOW_PX <= period_px <= width / 4:
         raise SettingsError(

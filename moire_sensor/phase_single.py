@@ -8,7 +8,6 @@ straddles a depth or shadow edge, and carries that phase to itself along the loc
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.angles import fast_atan2, wrap, wrapped

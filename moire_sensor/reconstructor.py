@@ -45,7 +45,8 @@ class Reconstructor:
     Raises
     ------
     SettingsError
-        An unknown method, a depth range that is empty or not positive, or fringes too fine or too coarse for the images.
+        An unknown method, a depth range that is empty or not positive, or fringes too fine or too coarse for the
+        images.
     PatternError
         Fewer than three steps for ``"phase_shift"``.
     """
