@@ -10,7 +10,7 @@ import numpy.typing as npt
 from moire_sensor.edge_find import EdgeRows
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.reference_ray import disparity_on_ray_px, phase_seen_rad
-from moire_sensor.rig import Array
+from moire_sensor.rig import Array, StereoRig
 
 TURN = 2.0 * np.pi
 # Surfaces at the very end of the depth range keep their edges, which noise moves to and fro.
@@ -74,3 +74,10 @@ def fringes_run(projector: ProjectorMap, x_px: Array, y_px: Array, disparity_px:
     """1 where the right image's phase grows with the column, -1 where a turned projector lets it fall."""
     before, after = (phase_seen_rad(projector, "right", x_px + step, y_px, disparity_px) for step in (-0.5, 0.5))
     return np.sign(after - before)
+
+
+def period_px(projector: ProjectorMap, rig: StereoRig, disparity_px: float) -> float:
+    """Width of a fringe in the middle of the left image on a fronto-parallel surface at a disparity, 2 px or more."""
+    x, y = 0.5 * rig.image_size[0], np.full(2, 0.5 * rig.image_size[1])
+    ends = phase_seen_rad(projector, "left", np.array([x - 0.5, x + 0.5]), y, disparity_px)
+    return float(np.clip(TURN / abs(ends[1] - ends[0]), 2.0, rig.image_size[0]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from moire_sensor.edge_candidates import find_candidates
+from moire_sensor.edge_candidates import find_candidates, period_px
 from moire_sensor.edge_find import bright_share, find_edges
 from moire_sensor.edge_grid import on_left_grid
 from moire_sensor.edge_input import Image, as_grey, check_numbers
@@ -70,10 +70,11 @@ def fringe_edges(
     edges_l, edges_r = (find_edges(picture, settings) for picture in pictures)
     bright = bright_share((edges_l, edges_r))
     candidates = find_candidates(edges_r, projector, disparities, rig.image_size[0], step_rad, bright)
-    rules = matching_rules(disparities, settings)
+    period = period_px(projector, rig, 0.5 * sum(disparities))
+    rules = matching_rules(disparities, period, settings)
     match = match_edges(edges_l, edges_r, candidates, rules, settings.rows)
     match = spread_rows(match, edges_l, edges_r, candidates, rules, settings)
     keep = in_company(match, candidates, settings.min_run)
 
     points = measure(rig, edges_l, edges_r, candidates, match, keep, step_rad)
-    return EdgeShot(points, on_left_grid(points, rig, pictures[0], edges_l, projector, settings))
+    return EdgeShot(points, on_left_grid(points, pictures[0], edges_l, period, settings))

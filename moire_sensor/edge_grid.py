@@ -9,25 +9,22 @@ import numpy.typing as npt
 from moire_sensor.edge_find import EdgeRows, Float32
 from moire_sensor.edge_points import EdgePoints
 from moire_sensor.edge_settings import EdgeSettings
-from moire_sensor.projector_map import ProjectorMap
-from moire_sensor.rig import Array, StereoRig
+from moire_sensor.rig import Array
 from moire_sensor.shot import UNKNOWN_ORDER, Shot, Status
 
 
 def on_left_grid(
     points: EdgePoints,
-    rig: StereoRig,
     picture: Float32,
     edges: EdgeRows,
-    projector: ProjectorMap,
+    period_px: float,
     settings: EdgeSettings,
 ) -> Shot:
-    """Put each point on the left pixel nearest to it."""
+    """Put each point on the left pixel nearest to it; fringes are about ``period_px`` wide."""
     at = (points.row, nearest_pixel(points.left_x_px))
     order = np.full(picture.shape, UNKNOWN_ORDER, dtype=np.int16)
     order[at] = points.fringe_order
-    period = period_px(projector, rig)
-    window = (2 * round(0.5 * period) + 1, 1)
+    window = (2 * round(0.5 * period_px) + 1, 1)
     status = edge_status(picture, edges, window, settings)
     status[at] = Status.OK
 
@@ -41,10 +38,10 @@ def on_left_grid(
         depth_sigma_m=placed(points.depth_sigma_m, np.nan),
         disparity_px=placed(points.disparity_px, np.nan),
         fringe_order=order,
-        confidence=placed(1.0 - points.mismatch_px / settings.same_side_px, 0.0),
+        confidence=placed(1.0 - points.mismatch_px / (settings.same_side_periods * period_px), 0.0),
         status=status,
         background=np.asarray(cv2.blur(picture, window), dtype=np.float32),
-        typical_mismatch_rad=2.0 * np.pi / period * upper_quartile(points.mismatch_px),
+        typical_mismatch_rad=2.0 * np.pi / period_px * upper_quartile(points.mismatch_px),
     )
 
 
@@ -56,13 +53,6 @@ def upper_quartile(values: Array) -> float:
 def nearest_pixel(x_px: npt.NDArray[np.floating]) -> npt.NDArray[np.int64]:
     """Column of the pixel whose centre is nearest to x (any shape)."""
     return np.asarray(np.floor(x_px + 0.5), dtype=np.int64)
-
-
-def period_px(projector: ProjectorMap, rig: StereoRig) -> float:
-    """Period of the fringes in the middle of the left image, for surfaces far away."""
-    x, y = rig.centre_px
-    ends = projector.phase_rad_at(np.array([x - 0.5, x + 0.5]), np.array([y, y]), rig.disparity_at_infinity_px)
-    return float(np.clip(2.0 * np.pi / abs(ends[1] - ends[0]), 2.0, rig.image_size[0]))
 
 
 def edge_status(

@@ -36,11 +36,11 @@ class EdgeMatch:
     candidate: npt.NDArray[np.int32]
 
 
-def matching_rules(disparity_range_px: tuple[float, float], settings: EdgeSettings) -> Array:
-    """Limits and costs of a match, (8,) float64, for the compiled kernels."""
+def matching_rules(disparity_range_px: tuple[float, float], period_px: float, settings: EdgeSettings) -> Array:
+    """Limits and costs of a match where fringes are ``period_px`` wide, (8,) float64, for the compiled kernels."""
     least, most = disparity_range_px[0] - RANGE_MARGIN_PX, disparity_range_px[1] + RANGE_MARGIN_PX
     costs = (settings.lambda_oc, settings.lambda_r, settings.lambda_mat, settings.penalty)
-    return np.array([most, least, settings.same_side_px, settings.same_height, *costs])
+    return np.array([most, least, settings.same_side_periods * period_px, settings.same_height, *costs])
 
 
 def match_edges(

@@ -25,7 +25,9 @@ class EdgeSettings:
     lambda_r: float = setting(1.0, 0.0, 1e3, "reward of a match")
     lambda_mat: float = setting(2.0, 0.0, 1e3, "dissimilarity of two edges of which only the side agrees")
     penalty: float = setting(100.0, 1.0, 1e6, "dissimilarity of two edges that cannot match")
-    same_side_px: float = setting(1.2, 0.1, 5.0, "largest distance of a left edge from a projected candidate, pixels")
+    same_side_periods: float = setting(
+        0.072, 0.001, 0.25, "largest distance of a left edge from a candidate, periods (1.2 px in the paper's rig)"
+    )
     same_height: float = setting(1.5, 1.0, 100.0, "largest ratio of the heights of two edges that correspond")
     min_amplitude: float = setting(6.0, 0.5, 127.0, "smallest half height of a fringe edge, grey levels of 255")
     min_amplitude_to_noise: float = setting(3.0, 0.0, 100.0, "smallest ratio of half height to camera noise")

@@ -176,7 +176,7 @@ def test_sides_are_named_along_the_row() -> None:
     ("bad", "words"),
     [
         ({"lambda_oc": 3.0}, "lambda_oc 3.0, lambda_mat 2.0"),
-        ({"same_side_px": 0.0}, "same_side_px is 0.0; allowed is 0.1 to 5.0"),
+        ({"same_side_periods": 0.0}, "same_side_periods is 0.0; allowed is 0.001 to 0.25"),
         ({"rows": 0}, "rows is 0"),
         ({"min_run": 1.5}, "min_run is 1.5; give a whole number"),
         ({"penalty": float("nan")}, "penalty is nan"),

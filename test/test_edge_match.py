@@ -14,6 +14,8 @@ from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.edge_spread import in_company, spread_rows
 
 RANGE_PX = (50.0, 150.0)
+PERIOD_PX = 16.6652
+SAME_SIDE_PX = 0.072 * PERIOD_PX
 
 
 def candidates_at(columns: list[list[list[float]]], orders: list[list[list[int]]] | None = None) -> Candidates:
@@ -35,7 +37,7 @@ def slow_unlike(left, right, candidates: np.ndarray, s: EdgeSettings) -> float:
     if left[1] != right[1] or not inside:
         return s.penalty
     off = min((abs(c - left[0]) for c in candidates if c == c), default=np.inf)
-    return TIE_BREAK * off / s.same_side_px if off <= s.same_side_px else s.lambda_mat
+    return TIE_BREAK * off / SAME_SIDE_PX if off <= SAME_SIDE_PX else s.lambda_mat
 
 
 def slow_best(left, right, candidates: np.ndarray, s: EdgeSettings) -> tuple[float, list[tuple[int, int]]]:
@@ -68,7 +70,7 @@ def test_cost_and_matches_equal_an_exhaustive_search(seed: int) -> None:
     settings = EdgeSettings(lambda_oc=float(generator.uniform(0.1, 1.5)), penalty=5.0)
     lefts, rights = edge_rows([left]), edge_rows([right])
     candidates = candidates_at([columns])
-    rules = matching_rules(RANGE_PX, settings)
+    rules = matching_rules(RANGE_PX, PERIOD_PX, settings)
     a, b = lefts.packed()[0, : len(left)], rights.packed()[0, : len(right)]
     table = (len(left) + 1, len(right) + 1, 4)
     best, origin = np.zeros(table), np.zeros(table, dtype=np.int8)
@@ -94,7 +96,8 @@ def test_an_occluded_stretch_costs_one_occlusion_and_is_bridged() -> None:
     left = even_edges(200.0, 20)
     right = [(x - 100.0, side) for x, side in left[:8]] + [(x - 100.0, side) for x, side in left[12:]]
     candidates = candidates_at([[[x + 100.0] for x, _ in right]])
-    match = match_edges(edge_rows([left]), edge_rows([right]), candidates, matching_rules(RANGE_PX, EdgeSettings()))
+    rules = matching_rules(RANGE_PX, PERIOD_PX, EdgeSettings())
+    match = match_edges(edge_rows([left]), edge_rows([right]), candidates, rules)
     assert match.partner[0].tolist() == [*range(8), -1, -1, -1, -1, *range(8, 16)]
 
 
@@ -104,9 +107,8 @@ def test_matches_never_cross_so_a_thin_thing_in_front_costs_the_background_or_it
     disparity = [60.0] * 4 + [100.0] * 2 + [60.0] * 4
     seen = sorted((x - d, side, x) for (x, side), d in zip(left, disparity, strict=True))
     right, truth = [(x, side) for x, side, _ in seen], [[at] for *_, at in seen]
-    match = match_edges(
-        edge_rows([left]), edge_rows([right]), candidates_at([truth]), matching_rules(RANGE_PX, EdgeSettings())
-    )
+    rules = matching_rules(RANGE_PX, PERIOD_PX, EdgeSettings())
+    match = match_edges(edge_rows([left]), edge_rows([right]), candidates_at([truth]), rules)
     partners = match.partner[0][match.partner[0] >= 0]
     assert np.all(np.diff(partners) > 0)
     assert match.partner[0, 4] == match.partner[0, 5] == -1
@@ -114,7 +116,7 @@ def test_matches_never_cross_so_a_thin_thing_in_front_costs_the_background_or_it
 
 
 def test_an_edge_of_the_other_side_or_of_another_height_is_no_correspondence() -> None:
-    rules = matching_rules(RANGE_PX, EdgeSettings())
+    rules = matching_rules(RANGE_PX, PERIOD_PX, EdgeSettings())
     candidates = candidates_at([[[200.0], [208.3]]])
     right = edge_rows([even_edges(100.0, 2)])
     assert match_edges(edge_rows([even_edges(200.0, 2)]), right, candidates, rules).partner.tolist() == [[0, 1]]
@@ -130,7 +132,7 @@ def test_company_asks_for_neighbours_of_the_next_fringe_edge() -> None:
     right = edge_rows([even_edges(100.0, 5)])
     orders = [[[4], [5], [6], [9], [10]]]
     candidates = candidates_at([[[x] for x, _ in even_edges(200.0, 5)]], orders)
-    match = match_edges(left, right, candidates, matching_rules(RANGE_PX, EdgeSettings()))
+    match = match_edges(left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, EdgeSettings()))
     assert in_company(match, candidates, 1).tolist() == [[True] * 5]
     assert in_company(match, candidates, 2).tolist() == [[True] * 5]
     assert in_company(match, candidates, 3).tolist() == [[True, True, True, False, False]]
@@ -145,7 +147,7 @@ def test_rows_between_follow_edges_that_drift_and_stop_where_they_end() -> None:
     rows_l[9] = rows_l[9][:3]
     truth = candidates_at([[[x + 100.0] for x, _ in row] for row in rows_r])
     left, right = edge_rows(rows_l), edge_rows(rows_r)
-    rules = matching_rules(RANGE_PX, settings)
+    rules = matching_rules(RANGE_PX, PERIOD_PX, settings)
     match = match_edges(left, right, truth, rules, settings.rows)
     assert [y for y in range(10) if (match.partner[y] >= 0).any()] == [2, 7]
     spread = spread_rows(match, left, right, truth, rules, settings)
@@ -160,6 +162,6 @@ def test_a_followed_edge_must_confirm_the_same_fringe() -> None:
     right = edge_rows([[(x - 100.0, side) for x, side in row]] * 2)
     columns = [[[x] for x, _ in row]] * 2
     candidates = candidates_at(columns, [[[0], [3], [2]], [[0], [1], [2]]])
-    rules = matching_rules(RANGE_PX, settings)
+    rules = matching_rules(RANGE_PX, PERIOD_PX, settings)
     spread = spread_rows(match_edges(left, right, candidates, rules, 2), left, right, candidates, rules, settings)
     assert spread.partner.tolist() == [[0, -1, 2], [0, 1, 2]]
