@@ -26,12 +26,19 @@ class Match:
     Attributes
     ----------
     disparity_px, sigma_px : refined disparity and its predicted standard deviation.
-    mismatch_rad : left minus right phase where the left phase and the projector alone place the point.
+    signed_mismatch_rad : left minus right phase where the left phase and the projector alone place the point.
+    mismatch_rad : its absolute value.
     """
 
     disparity_px: Float32
     sigma_px: Float32
+    signed_mismatch_rad: Float32
     mismatch_rad: Float32
+
+    @classmethod
+    def of(cls, disparity_px: Float32, sigma_px: Float32, signed_mismatch_rad: Float32) -> Match:
+        """Match with the absolute mismatch filled in."""
+        return cls(disparity_px, sigma_px, signed_mismatch_rad, np.abs(signed_mismatch_rad))
 
 
 def refine(
@@ -57,14 +64,14 @@ def refine(
         carriers[0].phase_rad, carriers[1].phase_rad, projector.packed(), settings.common_error_rad,
         settings.alignment_px, result,
     )  # fmt: skip
-    return Match(result[0], result[1], result[2])
+    return Match.of(result[0], result[1], result[2])
 
 
 @njit(parallel=True, cache=True)
 def solve_disparity(  # type: ignore[no-untyped-def]
     label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, common, alignment, result
 ):
-    """Fill ``result`` (3, H, W): disparity, sigma, mismatch."""
+    """Fill ``result`` (3, H, W): disparity, sigma, signed mismatch."""
     height, width = label.shape
     for y in prange(height):
         for x in range(width):
@@ -78,7 +85,7 @@ def solve_disparity(  # type: ignore[no-untyped-def]
             seen, _ = right_phase(right, right_rad, y, column)
             if np.isnan(seen):
                 continue
-            result[2, y, x] = abs(wrap(np.float32(phase - seen)))
+            result[2, y, x] = wrap(np.float32(phase - seen))
             at = min(max(int(column + 0.5), 0), width - 1)
             g2 = common * common
             v1 = left_sigma[y, x] ** 2 + 1e-10

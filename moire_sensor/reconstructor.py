@@ -9,6 +9,7 @@ from moire_sensor.depth_check import drop_misfits, is_unique, without_specks
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_patch import measures_by_stereo, rematch, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
+from moire_sensor.depth_views import orders_fail, typical_mismatch_rad
 from moire_sensor.errors import ImageError, SettingsError
 from moire_sensor.order_cost import OrderRange, order_costs
 from moire_sensor.order_path import best_orders, next_orders, path_costs
@@ -26,6 +27,8 @@ METHODS = ("dense", "phase_shift")
 # Mismatch that shading, or motion between the steps, can put between the two phases of one point.
 SHADING_RAD = {"dense": 0.6, "phase_shift": 0.3}
 RANGE_MARGIN = 0.02
+# Where the projector measures, the alignment of the pair matters less: the real hand has patches 0.22 rad off.
+PROJECTOR_SLACK = 1.7
 DEFAULT_DEPTH_RANGE_M = (0.5, 2.0)
 Images = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
@@ -123,7 +126,7 @@ class Reconstructor:
         second = self._refine(next_orders(total, label, refused), phases)
         match = merged(match, self._rematch(second, phases, greys), refused)
         keep = ~self._refused(label, match, phases, greys)
-        return self._shot(phases[0], match, margin, keep)
+        return self._shot(phases, match, margin, keep)
 
     def _refine(self, label: npt.NDArray[np.int8], phases: tuple[PhaseImage, PhaseImage]) -> Match:
         """Disparities of the chosen orders from the phases of all views."""
@@ -183,19 +186,35 @@ class Reconstructor:
             )
         return left, right
 
-    def _shot(self, left: PhaseImage, match: Match, margin: Float32, keep: npt.NDArray[np.bool_]) -> Shot:
+    def _views_agree(
+        self,
+        phases: tuple[PhaseImage, PhaseImage],
+        match: Match,
+        keep: npt.NDArray[np.bool_],
+        typical_rad: float,
+    ) -> bool:
+        """Whether rig, pattern and images fit each other; where the projector measures, alignment matters less."""
+        by_stereo = measures_by_stereo(self._carriers[0], self._projector)
+        limit = self.settings.max_typical_mismatch_rad * (1.0 if by_stereo else PROJECTOR_SLACK)
+        if typical_rad > limit:
+            return False
+        return not orders_fail(match, keep, phases, self._carriers, self._projector, self._orders)
+
+    def _shot(
+        self, phases: tuple[PhaseImage, PhaseImage], match: Match, margin: Float32, keep: npt.NDArray[np.bool_]
+    ) -> Shot:
         """The result: depth where the disparity is kept, lies in the range and the views as a whole agree."""
         depth = self.rig.depth_m(match.disparity_px)
         nearest, farthest = self.depth_range_m
         keep = keep & (depth >= nearest * (1.0 - RANGE_MARGIN)) & (depth <= farthest * (1.0 + RANGE_MARGIN))
         typical_rad = typical_mismatch_rad(match, keep)
-        views_agree = not typical_rad > self.settings.max_typical_mismatch_rad
+        views_agree = self._views_agree(phases, match, keep, typical_rad)
         lost = Status.OCCLUDED if views_agree else Status.AMBIGUOUS
         keep &= views_agree
         depth[~keep] = np.nan
         disparity = np.where(keep, match.disparity_px, np.float32(np.nan))
         sigma = depth**2 / (self.rig.fx_px * self.rig.baseline_m) * match.sigma_px
-        status = left.status.copy()
+        status = phases[0].status.copy()
         status[(status == Status.OK) & ~keep] = lost
         return Shot(
             depth_m=depth.astype(np.float32),
@@ -204,23 +223,17 @@ class Reconstructor:
             fringe_order=fringe_orders(disparity, self._projector),
             confidence=confidence_of(disparity, match, margin),
             status=status,
-            background=left.background,
+            background=phases[0].background,
             typical_mismatch_rad=typical_rad,
         )
 
 
-def typical_mismatch_rad(match: Match, keep: npt.NDArray[np.bool_]) -> float:
-    """Upper quartile of the left-right phase mismatch of the kept pixels; NaN where there are none."""
-    mismatch = match.mismatch_rad[::3, ::3][keep[::3, ::3]]
-    return float(np.percentile(mismatch, 75)) if mismatch.size else float("nan")
-
-
 def merged(first: Match, second: Match, where_second: npt.NDArray[np.bool_]) -> Match:
     """Take the second match at the pixels told."""
-    return Match(
+    return Match.of(
         np.where(where_second, second.disparity_px, first.disparity_px),
         np.where(where_second, second.sigma_px, first.sigma_px),
-        np.where(where_second, second.mismatch_rad, first.mismatch_rad),
+        np.where(where_second, second.signed_mismatch_rad, first.signed_mismatch_rad),
     )
 
 

@@ -33,7 +33,7 @@ class Settings:
     doubt_rad: float = setting(0.1, 0.0, 3.0, "left-right phase mismatch from which grey levels are matched, radians")
     max_mismatch_rad: float = setting(1.2, 0.01, 3.0, "largest left-right phase mismatch that is believed, radians")
     max_typical_mismatch_rad: float = setting(
-        0.32, 0.01, 3.0, "upper quartile of the mismatch from which the whole image is refused, radians"
+        0.15, 0.01, 3.0, "patch mean of the mismatch from which the whole image is refused, radians"
     )
     max_misfit: float = setting(0.15, 0.0, 1.0, "largest grey-level difference of matched patches, fringe amplitudes")
     max_motion_rad: float = setting(0.8, 0.0, 3.0, "largest phase drift from frame to frame that is believed, radians")

@@ -36,8 +36,9 @@ class Shot:
     confidence : float32, 0 (no depth) to 1.
     status : uint8, values of :class:`Status`.
     background : float32, grey levels, the left view with the fringes removed.
-    typical_mismatch_rad : float, upper quartile of the left-right phase mismatch, NaN without any depth. Near the
-        phase noise when rig and pattern are right; a wrong period, swapped images or a bad calibration raise it.
+    typical_mismatch_rad : float, mean left-right phase mismatch of image patches (upper quartile of them), NaN without
+        any depth. Near zero when rig and pattern are right; a wrong period, swapped images or a bad calibration raise
+        it.
     """
 
     depth_m: npt.NDArray[np.float32]

@@ -1,0 +1,110 @@
+"""Whether left view, right view and projector agree as a whole: swapped cameras, a wrong period, a bad calibration.
+
+Texture and noise move the phases of single pixels either way; a wrong rig or pattern moves those of whole patches one
+way. So the judgement is on means over patches.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from moire_sensor.angles import wrapped
+from moire_sensor.depth_refine import Match
+from moire_sensor.order_cost import RANGE_MARGIN_PX, OrderRange
+from moire_sensor.phase_carrier import Carrier, Float32
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.projector_map import ProjectorMap
+
+PATCH_PX = 32
+# A patch counts from this share of its pixels on: the mean of fewer says little.
+MIN_PATCH_SHARE = 1.0 / 6.0
+SAMPLE_PX = 8
+MIN_SAMPLES = 100
+# Valid scenes without texture lie below, so that only doubtful images pay for the test of swapped cameras.
+DOUBTFUL_RAD = 0.04
+# Exchanged views that agree twice as well as the given ones are no accident: valid scenes have a ratio above 1.
+SWAPPED_SHARE = 0.5
+# Median mismatch of the best order: at most 0.18 on valid textured scenes, 0.20 on the real hand, whose pair is not
+# perfectly aligned; from 0.25 on with a period 10 % off.
+MAX_CLOSEST_RAD = 0.22
+
+
+def typical_mismatch_rad(match: Match, keep: npt.NDArray[np.bool_]) -> float:
+    """Upper quartile over patches of the absolute mean left-right phase mismatch; NaN where there is no patch.
+
+    Parameters
+    ----------
+    match : the final match.
+    keep : (H, W) bool, the pixels that get a depth.
+    """
+    rows, columns = (size // PATCH_PX for size in keep.shape)
+    known = keep & np.isfinite(match.signed_mismatch_rad)
+    tiles = [
+        np.asarray(image[: rows * PATCH_PX, : columns * PATCH_PX]).reshape(rows, PATCH_PX, columns, PATCH_PX)
+        for image in (known, np.where(known, match.signed_mismatch_rad, np.float32(0.0)))
+    ]
+    count, total = tiles[0].sum(axis=(1, 3)), tiles[1].sum(axis=(1, 3))
+    enough = count > MIN_PATCH_SHARE * PATCH_PX**2
+    return float(np.percentile(np.abs(total[enough] / count[enough]), 75)) if enough.any() else float("nan")
+
+
+def orders_fail(
+    match: Match,
+    keep: npt.NDArray[np.bool_],
+    phases: tuple[PhaseImage, PhaseImage],
+    carriers: tuple[Carrier, Carrier],
+    projector: ProjectorMap,
+    orders: OrderRange,
+) -> bool:
+    """True where the phases speak against rig and pattern, whatever order is chosen.
+
+    Half of them meet no order well, as with a wrong period, or the right image taken for the left one and the left for
+    the right agree far better. For at some depths an order a few off meets nearly the same phase in a swapped pair (3
+    orders off lands 44 degrees away in the paper's rig), and depth from it would look sound.
+    """
+    kept = match.mismatch_rad[::SAMPLE_PX, ::SAMPLE_PX][keep[::SAMPLE_PX, ::SAMPLE_PX]]
+    if kept.size < MIN_SAMPLES or np.median(kept) < DOUBTFUL_RAD:
+        return False
+    left_rad, right_rad = phases[0].offset_rad, phases[1].offset_rad
+    apart_rad = wrapped(carriers[1].phase_rad - carriers[0].phase_rad)
+    swapped = (wrapped(right_rad + apart_rad), wrapped(left_rad - apart_rad))
+    given = median_or_nan(closest_mismatch_rad(left_rad, right_rad, carriers, projector, orders))
+    exchanged = median_or_nan(closest_mismatch_rad(*swapped, carriers, projector, orders))
+    return given > MAX_CLOSEST_RAD or exchanged < SWAPPED_SHARE * given
+
+
+def median_or_nan(values: npt.NDArray[np.float64]) -> float:
+    """Median of ``values`` (n,), NaN of fewer than a hundred."""
+    return float(np.median(values)) if values.size >= MIN_SAMPLES else float("nan")
+
+
+def closest_mismatch_rad(
+    left_rad: Float32,
+    right_rad: Float32,
+    carriers: tuple[Carrier, Carrier],
+    projector: ProjectorMap,
+    orders: OrderRange,
+) -> npt.NDArray[np.float64]:
+    """Mismatch (n,) of the order that meets the right phase best, at left pixels on a coarse grid.
+
+    ``left_rad``, ``right_rad`` are offsets from the carriers, (H, W). Pixels where no order meets a phase are left out.
+    """
+    height, width = left_rad.shape
+    rows, columns = (grid.ravel() for grid in np.mgrid[0:height:SAMPLE_PX, 0:width:SAMPLE_PX])
+    known = np.isfinite(left_rad[rows, columns])
+    rows, columns = rows[known], columns[known]
+    turns = 2.0 * np.pi * np.arange(orders.first, orders.first + orders.count)[:, None]
+    phase_rad = carriers[0].phase_rad[rows, columns] + left_rad[rows, columns] + turns
+    disparity_px = projector.disparity_px_at(columns, rows, phase_rad)
+    low, high = orders.min_disparity_px - RANGE_MARGIN_PX, orders.max_disparity_px + RANGE_MARGIN_PX
+    seen = np.rint(columns - disparity_px)
+    inside = (disparity_px >= low) & (disparity_px <= high) & (seen >= 0) & (seen < width)
+    nearest = np.where(inside, seen, 0.0).astype(np.int64)
+    part_px = columns - disparity_px - nearest
+    carrier = carriers[1]
+    seen_rad = carrier.phase_rad[rows, nearest] + right_rad[rows, nearest] + part_px * carrier.rad_per_px[rows, nearest]
+    mismatch = np.abs(wrapped((phase_rad - seen_rad).astype(np.float32))).astype(np.float64)
+    mismatch[~(inside & np.isfinite(mismatch))] = np.inf
+    closest = np.asarray(mismatch.min(axis=0))
+    return np.asarray(closest[np.isfinite(closest)])
