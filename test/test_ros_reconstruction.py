@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
 from ros_head import Exposure, TestHead, pixels, running, stamp_of, time_of
 from ros_process import ros_node
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
@@ -267,8 +268,20 @@ def test_a_good_value_takes_effect_at_run_time(head: TestHead) -> None:
     assert set_parameter(head, "depth_encoding", "32FC1").successful
 
 
+def test_a_publisher_of_incompatible_quality_is_named_while_it_is_there(head: TestHead) -> None:
+    publisher = head.node.create_publisher(Image, "left/image_raw", qos_profile_sensor_data)
+
+    def named() -> bool:
+        return head.facts["reconstruction: input"].get("incompatible left/image_raw") == "reliability"
+
+    head.wait(named, "the policy in the diagnostics")
+    head.node.destroy_publisher(publisher)
+    head.wait(lambda: not named(), "its end")
+    head.answer(DEPTH, head.send(Exposure.of(capture())))
+
+
 def test_sets_are_accounted_for(head: TestHead) -> None:
-    """Runs last in this file: everything matched was reconstructed or refused, nothing superseded."""
+    """Runs near the end of this file: everything matched was reconstructed or refused, nothing superseded."""
     head.answer(DEPTH, head.send(Exposure.of(capture())))
     facts = head.facts["reconstruction: reconstruction"]
 
@@ -280,3 +293,21 @@ def test_sets_are_accounted_for(head: TestHead) -> None:
     head.wait(settled, "matched = reconstructed + refused")
     assert facts["superseded"] == "0"
     assert int(facts["reconstructed"]) == len(head.received[DEPTH])
+
+
+def test_nothing_is_computed_while_nobody_listens(head: TestHead) -> None:
+    before = head.count("reconstruction", "unwatched")
+    done = head.count("reconstruction", "reconstructed")
+    for subscription in [one for one in head.node.subscriptions if one.topic_name != "/diagnostics"]:
+        head.node.destroy_subscription(subscription)
+    head.wait(lambda: not head.node.count_subscribers(DEPTH), "the last listener to leave")
+
+    def unwatched() -> bool:
+        head.send(Exposure.of(capture()))
+        return head.count("reconstruction", "unwatched") > before
+
+    head.wait(unwatched, "a set that nobody wanted")
+    settled = head.count("reconstruction", "reconstructed")
+    number = head.count("reconstruction", "unwatched")
+    head.wait(lambda: unwatched() and head.count("reconstruction", "unwatched") > number, "another one")
+    assert head.count("reconstruction", "reconstructed") == settled >= done

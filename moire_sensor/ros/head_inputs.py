@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import QoSDurabilityPolicy
+from rclpy.qos import QoSCompatibility, QoSDurabilityPolicy, QoSProfile, qos_check_compatible
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
 from moire_sensor.ros.qos import input_qos, latched_qos, overridable
@@ -42,7 +42,8 @@ class HeadInputs:
 
     def __init__(self, node: Any, reliable: bool, take: Taker) -> None:
         self.matcher: SetMatcher[Any] = SetMatcher(STREAMS)
-        self.incompatible: dict[str, str] = {}
+        self._node = node
+        self._incompatible: dict[str, tuple[str, QoSProfile]] = {}
         self._take = take
         self._infos: dict[str, CameraInfo] = {}
         self._calibration: Calibration | None = None
@@ -67,6 +68,17 @@ class HeadInputs:
             self._calibration = calibration_of(self._infos)
         return self._calibration
 
+    def incompatible(self) -> dict[str, str]:
+        """Return the policy that keeps a publisher, still there, from reaching this node, by topic."""
+        return {
+            topic: policy
+            for topic, (policy, qos) in self._incompatible.items()
+            if any(
+                qos_check_compatible(one.qos_profile, qos)[0] == QoSCompatibility.ERROR
+                for one in self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topic))
+            )
+        }
+
     def clear(self, reason: str) -> None:
         """Forget what was not matched yet."""
         self.matcher.clear(reason)
@@ -76,8 +88,8 @@ class HeadInputs:
         self, node: Any, kind: Any, topic: str, qos: Any, callback: Handler, matched: Handler | None = None
     ) -> None:
         def report(event: Any) -> None:
-            policy = getattr(event.last_policy_kind, "name", str(event.last_policy_kind)).lower()
-            self.incompatible[topic] = policy
+            policy = event.last_policy_kind.name.lower().removeprefix("rmw_qos_policy_")
+            self._incompatible[topic] = (policy, qos)
             node.get_logger().warning(
                 f"a publisher of {topic} offers another {policy} than this node asks for, so nothing comes from it; "
                 f"set qos_overrides.{node.resolve_topic_name(topic)}.subscription.{policy} to match"

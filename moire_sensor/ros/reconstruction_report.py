@@ -38,8 +38,9 @@ class Report:
         values |= {"matched": counts.matched, "superseded before work": counts.superseded}
         values |= {"repeated messages": counts.repeated, "jumps back in time": counts.jumps}
         values |= {f"dropped: {reason}": number for reason, number in sorted(counts.dropped.items())}
-        values |= {f"incompatible {policy}": topic for topic, policy in inputs.incompatible.items()}
-        if inputs.incompatible:
+        incompatible = inputs.incompatible()
+        values |= {f"incompatible {topic}": policy for topic, policy in incompatible.items()}
+        if incompatible:
             return status_of("input", ERROR, "a publisher's quality of service does not match", values)
         if sum(counts.received.values()) == self.last_received:
             return status_of("input", WARN, "nothing received in the last period", values)
