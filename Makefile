@@ -3,7 +3,7 @@ PYTHON ?=
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup demo test check
+.PHONY: setup demo test check bench
 
 setup:
 	@python="$(or $(PYTHON),python3)"; \
@@ -20,3 +20,7 @@ check: setup
 
 test: check
 	$(BIN)/pytest
+
+# BENCH="--parts scenes --scenes waves" measures a part; BENCH=--help tells all options.
+bench: setup
+	@$(BIN)/python -m tools.bench.run $(BENCH)

@@ -57,7 +57,7 @@ class RandomDots:
         """Brightness -1..1 at device pixels (N, 2), averaged over a square of ``footprint_px`` (at most ``dot_px``)."""
         place = (device_px + 0.5) / self.dot_px
         first = np.floor(place - 0.5)
-        # The border between the two nearest dots lies at first + 1; the footprint's share beyond it counts for the next.
+        # The border between the two nearest dots lies at first + 1; the part of the footprint beyond it shows the next.
         beyond = np.clip((place - first - 1.0) * self.dot_px / footprint_px + 0.5, 0.0, 1.0)
         rows, columns = self.dots.shape
         left, right = (np.clip(first[:, 0] + step, 0, columns - 1).astype(np.intp) for step in (0, 1))

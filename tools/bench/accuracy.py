@@ -1,0 +1,78 @@
+"""Scores of every method on every scene, all by the same code: moire_sim.score."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from moire_sensor.paper_rig import paper_pattern, paper_rig
+from moire_sensor.pattern import Waveform
+from moire_sim.analytic_scenes import AnalyticScene, scene_surfaces
+from moire_sim.capture import Grey, HeadCapture
+from moire_sim.random_dots import Projected
+from moire_sim.score import Score, disparity_error_px, score_depth
+from tools.bench.conditions import DEFAULT, Condition
+from tools.bench.methods import Depth, Method, Solver
+
+DEPTH_RANGE_M = (0.5, 2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Score of one method on one scene; ``error_px`` (H, W) is kept under the default condition only."""
+
+    scene: str
+    condition: str
+    method: str
+    score: Score
+    error_px: npt.NDArray[np.float32] | None = None
+
+
+def truth_of(scene: AnalyticScene) -> HeadCapture:
+    """Return the truth of a scene, which no pattern changes; its images are empty."""
+    blank = np.zeros(scene.depth_m.shape, dtype=np.uint8)
+    return HeadCapture(blank, blank, scene.depth_m, scene.covisible, scene.lit, scene.rig, paper_pattern())
+
+
+def photograph(
+    scene: AnalyticScene, pattern: Projected, condition: Condition, projector_on: bool = True, seed: int = 0
+) -> tuple[Grey, Grey]:
+    """Left and right pictures of a scene under a pattern, or under ambient light alone."""
+    lights = condition.lights(pattern.step_count, projector_on)
+    return scene.images(pattern, lights, condition.noise, seed)
+
+
+def depth_of(method: Method, scene: AnalyticScene, condition: Condition, seed: int = 0) -> Depth:
+    """Photograph a scene for a method and let it measure."""
+    left, right = photograph(scene, method.pattern(condition), condition, method.projector_on, seed)
+    return solver_of(method, condition.waveform)(left, right)
+
+
+@lru_cache(maxsize=64)
+def solver_of(method: Method, waveform: Waveform) -> Solver:
+    """Set a method up for the paper's rig, once a process."""
+    return method.solver(paper_rig(), Condition("", waveform=waveform), DEPTH_RANGE_M)
+
+
+def record(scene_name: str, condition: Condition, method_name: str, depth_m: Depth, truth: HeadCapture) -> Record:
+    """Score one depth image."""
+    error = disparity_error_px(depth_m, truth).astype(np.float32) if condition == DEFAULT else None
+    return Record(scene_name, condition.name, method_name, score_depth(depth_m, truth), error)
+
+
+def scene_records(scene_name: str, conditions: Sequence[Condition], methods: Sequence[Method]) -> list[Record]:
+    """Score all methods on a scene under conditions that share one texture."""
+    (texture,) = {condition.texture for condition in conditions}
+    scene = AnalyticScene.of(scene_surfaces(scene_name), texture)
+    truth = truth_of(scene)
+    records = []
+    for condition in conditions:
+        for method in methods:
+            if condition.changes_fringes_only and not method.ours:
+                continue
+            records.append(record(scene_name, condition, method.name, depth_of(method, scene, condition), truth))
+    return records

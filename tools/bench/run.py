@@ -1,0 +1,122 @@
+"""``make bench``: accuracy and speed of the methods and their peers, in one run."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from moire_sim.analytic_scenes import analytic_scene_names
+from tools.bench.accuracy import Record, scene_records
+from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, TEXTURED, Condition
+from tools.bench.dot_scan import DOTS_PX, SCAN_SCENES, Trial, best_settings, mean_trials, trials_of_dots
+from tools.bench.makers import DISTANCES_M, MakerRecord, maker_records
+from tools.bench.methods import OURS, PEERS, DotMethod, Method
+from tools.bench.report import tables_of, write_report
+from tools.bench.speed import SpeedRecord, cases, speed_records
+from tools.bench.tasks import Task, done, progress
+
+PARTS = ("scan", "scenes", "conditions", "light", "makers", "speed")
+# Light on these alone: a plane, slopes, solids, thin things.
+LIGHT_SCENES = ("plane_1000", "tilt_0.5", "waves", "cylinder_and_box", "spheres", "thin_poles")
+DOCS = Path("docs")
+
+
+@dataclass
+class Results:
+    """Everything measured; a part that was not asked for is empty."""
+
+    peers: tuple[DotMethod, ...] = PEERS
+    trials: list[Trial] = field(default_factory=list)
+    records: list[Record] = field(default_factory=list)
+    makers: list[MakerRecord] = field(default_factory=list)
+    speeds: list[SpeedRecord] = field(default_factory=list)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print, and after a whole run write docs/bench.md and its pictures."""
+    options = parse(arguments)
+    begin = time.monotonic()
+    results = measure(options)
+    for table in tables_of(results):
+        print(table.as_text())
+    whole = set(options.parts) == set(PARTS) and set(options.scenes) == set(analytic_scene_names())
+    if options.output or whole:
+        folder = options.output or DOCS
+        write_report(results, folder)
+        print(f"\nwritten: {folder / 'bench.md'} and its pictures")
+    else:
+        print("\na part of the benchmark only: nothing written (--output FOLDER does)")
+    print(f"took {time.monotonic() - begin:.0f} s")
+    return 0
+
+
+def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(prog="python -m tools.bench.run", description=__doc__)
+    names = analytic_scene_names()
+    methods = [method.name for method in (*OURS, *PEERS)]
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="default: all")
+    for option, choices in (("scene", names), ("method", methods)):
+        parser.add_argument(
+            f"--{option}s", nargs="+", choices=choices, default=list(choices), metavar=option, help=", ".join(choices)
+        )
+    parser.add_argument("--output", type=Path, metavar="FOLDER", help="write bench.md and images/ there")
+    return parser.parse_args(arguments)
+
+
+def measure(options: argparse.Namespace) -> Results:
+    """Do the parts that were asked for."""
+    results = Results()
+    if "scan" in options.parts:
+        scan(results)
+    methods = [method for method in (*OURS, *results.peers) if method.name in options.methods]
+    tasks = accuracy_tasks(options, methods)
+    if tasks:
+        results.records = done(tasks, "accuracy")
+    if "makers" in options.parts:
+        results.makers = done([(maker_records, (distance, methods)) for distance in DISTANCES_M], "trueness")
+    if "speed" in options.parts:
+        chosen = cases()
+        dots = results.peers[0]
+        for some in progress(speed_records(methods, dots, chosen), "speed", len(chosen)):
+            results.speeds += some
+    return results
+
+
+def scan(results: Results) -> None:
+    """Find the best dots and windows. SGBM HH, slow, is tried on the dots that SGBM 3-way likes best."""
+    quick: list[Task[Trial]] = [
+        (trials_of_dots, (scene, dot, ("StereoBM", "SGBM 3-way"))) for dot in DOTS_PX for scene in SCAN_SCENES
+    ]
+    trials = done(quick, "dots")
+    three_way = best_settings(trials)[-1]
+    slow: list[Task[Trial]] = [(trials_of_dots, (scene, three_way.dot_px, ("SGBM HH",))) for scene in SCAN_SCENES]
+    trials += done(slow, "dots, HH")
+    results.trials = mean_trials(trials)
+    results.peers = best_settings(trials)
+
+
+def accuracy_tasks(options: argparse.Namespace, methods: Sequence[Method]) -> list[Task[Record]]:
+    """One task a scene and texture."""
+    passive = DotMethod("SGBM 3-way", 7, projector_on=False)
+    tasks: list[Task[Record]] = []
+    for scene in options.scenes:
+        plain: list[Condition] = [DEFAULT] if "scenes" in options.parts else []
+        textured: list[Condition] = []
+        if "conditions" in options.parts:
+            plain = [one for one in CONDITIONS if one.texture == 0.0]
+            textured = [TEXTURED]
+        if plain:
+            tasks.append((scene_records, (scene, plain, methods)))
+        if textured:
+            tasks.append((scene_records, (scene, textured, methods)))
+        if "light" in options.parts and scene in LIGHT_SCENES:
+            tasks.append((scene_records, (scene, ILLUMINATION, (*methods, passive))))
+    return tasks
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
