@@ -39,7 +39,7 @@ SPECS = (
     ParameterSpec("nav_min_confidence", 0.2, "least confidence of a pixel in points_nav", 0.0, 1.0),
     ParameterSpec("diagnostics_period_s", 1.0, "time between diagnostics, s", 0.05, 60.0, read_only=True),
     ParameterSpec(
-        "queue_depth", 3, "sets that may wait while one is worked on; the oldest give way", 1, 1000, read_only=True
+        "queue_depth", 2, "sets that may wait while one is worked on; the oldest give way", 1, 1000, read_only=True
     ),
     ParameterSpec(
         "reliable_input",
