@@ -1,0 +1,161 @@
+"""Uniqueness, specks, confidence and the agreement of the views against slow loops and known cases."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dense_rigs import Float32, capture, dense_shot, sensor
+
+from moire_sensor import Reconstructor, Status
+from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_misfits, is_unique, without_specks
+from moire_sensor.depth_confidence import WEIGHTS, confidence_of
+from moire_sensor.depth_refine import Match
+from moire_sensor.depth_views import PATCH_PX, typical_mismatch_rad
+from moire_sensor.order_cost import REACH_PX
+
+
+def random_match(seed: int, shape: tuple[int, int] = (24, 80)) -> Match:
+    rng = np.random.default_rng(seed)
+    disparity = np.where(rng.uniform(size=shape) < 0.5, 20.0, 34.0) + rng.normal(0, 0.3, shape)
+    disparity[rng.uniform(size=shape) < 0.2] = np.nan
+    sigma, mismatch = rng.uniform(0.01, 0.1, shape), rng.normal(0, 0.2, shape)
+    return Match.of(disparity.astype(np.float32), sigma.astype(np.float32), mismatch.astype(np.float32))
+
+
+def slow_badness(match: Match, amplitude: Float32, left: Float32, right: Float32, y: int, x: int) -> float:
+    height, width = left.shape
+    column = float(np.float32(x) - match.disparity_px[y, x])
+    rows = [row for row in (y - 1, y, y + 1) if 0 <= row < height]
+    grey = []
+    for row in rows:
+        shifts = [s for s in range(-REACH_PX, REACH_PX + 1, 2)
+                  if 0 <= x + s < width and 0 <= np.floor(column) + s < width - 1]  # fmt: skip
+        seen = np.interp([column + s for s in shifts], np.arange(width), right[row])
+        apart = [abs(float(left[row, x + s]) - v) for s, v in zip(shifts, seen, strict=True)]
+        grey.append(np.mean(apart) if len(apart) > 1 else math.inf)
+    return float(np.mean(grey) / max(amplitude[y, x], 1.0) + MISMATCH_WEIGHT * match.mismatch_rad[y, x])
+
+
+def test_unique_pixels_equal_the_slow_loop() -> None:
+    match = random_match(1)
+    rng = np.random.default_rng(2)
+    shape = match.disparity_px.shape
+    left, right, amplitude = (rng.uniform(20, 200, shape).astype(np.float32) for _ in range(3))
+    expected = np.zeros(shape, dtype=bool)
+    for y in range(shape[0]):
+        claims: dict[int, list[int]] = {}
+        for x in np.flatnonzero(np.isfinite(match.disparity_px[y])):
+            column = math.floor(x - match.disparity_px[y, x] + 0.5)
+            if 0 <= column < shape[1]:
+                claims.setdefault(column, []).append(int(x))
+        for pixels in claims.values():
+            best = min(pixels, key=lambda x: (slow_badness(match, amplitude, left, right, y, x), x))
+            for x in pixels:
+                expected[y, x] = abs(match.disparity_px[y, best] - match.disparity_px[y, x]) <= 1.0
+    found = is_unique(match.disparity_px, match.mismatch_rad, amplitude, (left, right))
+    np.testing.assert_array_equal(found, expected)
+    assert 0.1 < expected.mean() < 0.9
+
+
+def test_small_specks_go_and_surfaces_stay() -> None:
+    disparity = np.full((60, 80), np.nan, dtype=np.float32)
+    disparity[5:12, 5:12] = 30.0
+    disparity[20:50, 10:70] = np.linspace(40.0, 52.0, 60)
+    disparity[30:36, 30:36] = 90.0
+    kept = without_specks(disparity, 60)
+    assert np.isnan(kept[5:12, 5:12]).all()
+    assert np.isnan(kept[30:36, 30:36]).all()
+    expected = disparity.copy()
+    expected[5:12, 5:12] = expected[30:36, 30:36] = np.nan
+    np.testing.assert_array_equal(kept, expected)
+
+
+@pytest.mark.parametrize("shift", [-300.0, 0.0, 2000.0])
+def test_specks_do_not_depend_on_where_disparities_lie(shift: float) -> None:
+    disparity = random_match(3).disparity_px
+    np.testing.assert_array_equal(
+        np.isnan(without_specks(disparity + np.float32(shift), 5)), np.isnan(without_specks(disparity, 5))
+    )
+
+
+def test_misfits_are_dropped() -> None:
+    match = random_match(4)
+    known = np.isfinite(match.disparity_px)
+    drop_misfits(match, 0.3)
+    np.testing.assert_array_equal(np.isfinite(match.disparity_px), known & (match.mismatch_rad <= 0.3))
+
+
+def test_confidence_is_the_logistic_regression_of_its_five_properties() -> None:
+    match = random_match(5)
+    margin = np.random.default_rng(6).uniform(0, 6, match.disparity_px.shape).astype(np.float32)
+    found = confidence_of(match.disparity_px, match, margin)
+    height, width = match.disparity_px.shape
+    padded = np.pad(match.disparity_px, 5, mode="reflect")
+    for y in range(6, height - 6):
+        for x in range(6, width - 6):
+            if np.isnan(match.disparity_px[y, x]):
+                assert found[y, x] == 0.0
+                continue
+            window = padded[y + 5 - 3 : y + 5 + 4, x + 5 - 3 : x + 5 + 4]
+            share = np.isfinite(padded[y : y + 11, x : x + 11]).mean()
+            spread = np.nanmax(window) - np.nanmin(window)
+            terms = (
+                1.0,
+                math.log(match.mismatch_rad[y, x] + 0.02),
+                min(margin[y, x], 4.0),
+                1.0 - share,
+                math.log(min(spread, 8.0) + 0.1),
+                min(match.sigma_px[y, x] + 1e-4, 1.0),
+            )
+            doubt = sum(float(weight) * term for weight, term in zip(WEIGHTS, terms, strict=True))
+            assert found[y, x] == pytest.approx(1.0 / (1.0 + math.exp(doubt)), abs=1e-4)
+
+
+def test_typical_mismatch_is_the_upper_quartile_of_patch_means() -> None:
+    match = random_match(7, (3 * PATCH_PX + 5, 4 * PATCH_PX + 9))
+    match.signed_mismatch_rad[:PATCH_PX] += np.float32(0.5)
+    keep = np.isfinite(match.disparity_px)
+    means = []
+    for y in range(3):
+        for x in range(4):
+            part = np.s_[y * PATCH_PX : (y + 1) * PATCH_PX, x * PATCH_PX : (x + 1) * PATCH_PX]
+            means.append(abs(match.signed_mismatch_rad[part][keep[part]].mean()))
+    assert typical_mismatch_rad(match, keep) == pytest.approx(np.percentile(means, 75), abs=1e-5)
+    assert math.isnan(typical_mismatch_rad(match, np.zeros_like(keep)))
+
+
+SWAP_SCENES = ["plane_600", "plane_1000", "plane_1500", "tilt_0.5", "cylinder_and_box", "small_plate", "thin_poles"]
+
+
+@pytest.mark.parametrize("name", SWAP_SCENES)
+def test_swapped_cameras_are_refused(name: str) -> None:
+    """At 1 m a swapped pair meets the fringes 0.07 rad off, three orders away (physics.md): no depth may come of it."""
+    seen = capture(name)
+    shot = sensor().reconstruct(seen.right, seen.left)
+    assert np.isnan(shot.depth_m).all()
+    assert (shot.confidence == 0.0).all()
+    assert (shot.status == Status.AMBIGUOUS).mean() > 0.5
+
+
+@pytest.mark.parametrize("name", ["plane_1000", "cylinder_and_box"])
+def test_swapped_cameras_are_refused_by_phase_shift(name: str) -> None:
+    seen = capture(name, 4)
+    assert np.isnan(sensor("phase_shift", 4).reconstruct(seen.right, seen.left).depth_m).all()
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.1])
+@pytest.mark.parametrize("name", ["plane_1000", "tilt_0.5", "slope_1.2", "cylinder_and_box"])
+def test_wrong_period_is_refused(name: str, scale: float) -> None:
+    seen = capture(name)
+    pattern = replace(seen.pattern, period_px=seen.pattern.period_px * scale)
+    shot = Reconstructor(seen.rig, pattern).reconstruct(seen.left, seen.right)
+    assert np.isnan(shot.depth_m).all()
+
+
+def test_valid_texture_is_not_refused() -> None:
+    """Texture moves the phases of single pixels by more than a swapped pair does, but either way."""
+    for name in ("slope_1.2", "plane_1500"):
+        assert np.isfinite(dense_shot(name, texture=0.3).depth_m).mean() > 0.7
