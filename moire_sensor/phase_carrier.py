@@ -105,20 +105,14 @@ def inverse_normal_matrices(
 ) -> npt.NDArray[np.float64]:
     """Upper triangle (00, 01, 02, 11, 12, 22) of the inverse of sum f f^T with f = (1, cos, -sin), (H, W, 6)."""
     count = float((2 * half_width + 1) * (2 * half_height + 1))
-    sums = [box_sum(values, half_width, half_height) for values in (cos, sin, cos * cos, cos * sin)]
-    matrix = np.empty((*cos.shape, 3, 3))
-    matrix[..., 0, 0] = count
-    matrix[..., 0, 1] = matrix[..., 1, 0] = sums[0]
-    matrix[..., 0, 2] = matrix[..., 2, 0] = -sums[1]
-    matrix[..., 1, 1] = sums[2]
-    matrix[..., 1, 2] = matrix[..., 2, 1] = -sums[3]
-    matrix[..., 2, 2] = count - sums[2]
+    a, b = (box_sum(values, half_width, half_height) for values in (cos, -sin))
+    c, d = (box_sum(values, half_width, half_height) for values in (cos * cos, -cos * sin))
+    e = count - c
+    cofactors = [c * e - d * d, b * d - a * e, a * d - b * c, count * e - b * b, a * b - count * d, count * c - a * a]
+    determinant = count * cofactors[0] + a * cofactors[1] + b * cofactors[2]
     inside = np.zeros(cos.shape, dtype=bool)
     inside[half_height : cos.shape[0] - half_height, half_width : cos.shape[1] - half_width] = True
-    matrix[~inside] = np.eye(3)
-    inverse = np.linalg.inv(matrix)
-    upper = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    return np.stack([inverse[..., row, column] for row, column in upper], axis=-1)
+    return np.asarray(np.stack(cofactors, axis=-1) / np.where(inside, determinant, np.inf)[..., None])
 
 
 def detuned_table(

@@ -163,7 +163,11 @@ class StereoRig:
         width, height = self.image_size
         if depth_m.shape != (height, width):
             raise RigError(f"the depth image has shape {depth_m.shape}; this rig needs {(height, width)}")
-        return (self.rays() * depth_m[..., None]).astype(np.float32)
+        return self._rays32 * np.asarray(depth_m, dtype=np.float32)[..., None]
+
+    @cached_property
+    def _rays32(self) -> npt.NDArray[np.float32]:
+        return self.rays().astype(np.float32)
 
     def projector_pixels(self, points_m: npt.ArrayLike) -> Array:
         """Projector device pixels (column, row), shape (..., 2), of points (..., 3) in the left optical frame.

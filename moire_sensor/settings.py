@@ -38,6 +38,7 @@ class Settings:
     max_misfit: float = setting(0.15, 0.0, 1.0, "largest grey-level difference of matched patches, fringe amplitudes")
     max_motion_rad: float = setting(0.8, 0.0, 3.0, "largest phase drift from frame to frame that is believed, radians")
     image_noise: float = setting(1.5, 0.01, 50.0, "camera noise where the frames cannot tell it, grey levels of 255")
+    reference_depth_m: float = setting(1.5, 0.01, 100.0, "depth of the plane that reference_plane compares with, m")
     min_segment_px: int = setting(60, 0, 100000, "smallest connected surface that is kept, pixels")  # type: ignore[assignment]
 
     def __post_init__(self) -> None:

@@ -1,0 +1,169 @@
+"""The pipeline: images to phase, phase to fringe order, order to depth, for single shots and for shifted fringes."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from moire_sensor.depth_check import drop_misfits, is_unique, without_specks
+from moire_sensor.depth_confidence import confidence_of
+from moire_sensor.depth_patch import measures_by_stereo, rematch, right_as_left
+from moire_sensor.depth_refine import Match, fringe_orders, refine
+from moire_sensor.depth_views import orders_fail, typical_mismatch_rad
+from moire_sensor.order_cost import OrderRange, order_costs
+from moire_sensor.order_path import best_orders, next_orders, path_costs
+from moire_sensor.pattern import FringePattern
+from moire_sensor.phase_carrier import Carrier, Float32
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_single import phase_from_single
+from moire_sensor.phase_steps import StepFilter, phase_from_steps
+from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.rig import StereoRig
+from moire_sensor.settings import Settings
+from moire_sensor.shot import Shot, Status
+
+# Mismatch that shading, or motion between the steps, can put between the two phases of one point.
+SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
+RANGE_MARGIN = 0.02
+# Where the projector measures, the alignment of the pair matters less: the real hand has patches 0.22 rad off.
+PROJECTOR_SLACK = 1.7
+
+
+class PhasePipeline:
+    """Depth for every pixel, from the phase of one exposure or of several shifted ones.
+
+    Parameters
+    ----------
+    rig, pattern, depth_range_m, settings : as for :class:`moire_sensor.Reconstructor`.
+    """
+
+    def __init__(
+        self, rig: StereoRig, pattern: FringePattern, depth_range_m: tuple[float, float], settings: Settings
+    ) -> None:
+        self.rig = rig
+        self.pattern = pattern
+        self.depth_range_m = depth_range_m
+        self.settings = settings
+        self._projector = ProjectorMap.build(rig, pattern)
+        disparities = (float(rig.disparity_px(depth_range_m[1])), float(rig.disparity_px(depth_range_m[0])))
+        middle = 0.5 * (disparities[0] + disparities[1])
+        self._carriers = (
+            Carrier.left(self._projector, rig.image_size, middle, settings.half_height_px),
+            Carrier.right(self._projector, rig.image_size, middle, settings.half_height_px),
+        )
+        self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
+
+    def example(self, frame_count: int) -> npt.NDArray[np.uint8]:
+        """Fringe images (n, H, W) that both cameras could see, to warm up the kernels."""
+        cos = self._carriers[0].cos
+        return np.broadcast_to((128.0 + 100.0 * cos).astype(np.uint8), (frame_count, *cos.shape))
+
+    def from_single(self, left: Float32, right: Float32, first_step: int) -> Shot:
+        """Depth of one exposure: images (H, W) float32, grey levels of 255."""
+        step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
+        phases = (
+            phase_from_single(left, self._carriers[0], step_rad, self.settings),
+            phase_from_single(right, self._carriers[1], step_rad, self.settings),
+        )
+        return self._depth(phases, (left, right), SHADING_SINGLE_RAD)
+
+    def from_steps(self, left: Float32, right: Float32, first_step: int) -> Shot:
+        """Depth of shifted exposures at the middle of their time: images (n, H, W) float32, grey levels of 255."""
+        steps = StepFilter.build(self.pattern.step_phases_rad, first_step, left.shape[0])
+        phases = (
+            phase_from_steps(left, self._carriers[0], steps, self.settings),
+            phase_from_steps(right, self._carriers[1], steps, self.settings),
+        )
+        middle = left.shape[0] // 2
+        return self._depth(phases, (left[middle], right[middle]), SHADING_STEPS_RAD)
+
+    def _depth(
+        self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], shading_rad: float
+    ) -> Shot:
+        """Choose the orders, measure, and let orders that are refused give way to the next best."""
+        cost = order_costs(*phases, greys, self._carriers, self._projector, self._orders, shading_rad)
+        total = path_costs(cost, phases[0].offset_rad, self.settings.jump_cost)
+        label, margin = best_orders(total, phases[0].offset_rad)
+        first = self._refine(label, phases)
+        greys = (greys[0], right_as_left(greys[1], first.disparity_px, phases))
+        match = self._rematch(first, phases, greys)
+        refused = self._refused(label, match, phases, greys)
+        second = self._refine(next_orders(total, label, refused), phases)
+        match = merged(match, self._rematch(second, phases, greys), refused)
+        keep = ~self._refused(label, match, phases, greys)
+        return self._shot(phases, match, margin, keep)
+
+    def _refine(self, label: npt.NDArray[np.int8], phases: tuple[PhaseImage, PhaseImage]) -> Match:
+        """Disparities of the chosen orders from the phases of all views."""
+        return refine(label, phases, self._carriers, self._projector, self._orders, self.settings)
+
+    def _rematch(
+        self, match: Match, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32]
+    ) -> Match:
+        """Doubtful disparities matched by grey levels; NaN where phases or grey levels do not fit."""
+        if measures_by_stereo(self._carriers[0], self._projector):
+            rematch(match, greys, phases[0].amplitude, self._carriers[0], self.settings)
+        drop_misfits(match, self.settings.max_mismatch_rad)
+        return match
+
+    def _refused(
+        self,
+        label: npt.NDArray[np.int8],
+        match: Match,
+        phases: tuple[PhaseImage, PhaseImage],
+        greys: tuple[Float32, Float32],
+    ) -> npt.NDArray[np.bool_]:
+        """Pixels with a phase whose order cannot stay: no match, its right pixel taken, or a speck."""
+        unique = is_unique(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
+        disparity = np.where(unique, match.disparity_px, np.float32(np.nan))
+        return (label >= 0) & ~np.isfinite(without_specks(disparity, self.settings.min_segment_px))
+
+    def _views_agree(
+        self,
+        phases: tuple[PhaseImage, PhaseImage],
+        match: Match,
+        keep: npt.NDArray[np.bool_],
+        typical_rad: float,
+    ) -> bool:
+        """Whether rig, pattern and images fit each other; where the projector measures, alignment matters less."""
+        by_stereo = measures_by_stereo(self._carriers[0], self._projector)
+        limit = self.settings.max_typical_mismatch_rad * (1.0 if by_stereo else PROJECTOR_SLACK)
+        if typical_rad > limit:
+            return False
+        return not orders_fail(match, keep, phases, self._carriers, self._projector, self._orders)
+
+    def _shot(
+        self, phases: tuple[PhaseImage, PhaseImage], match: Match, margin: Float32, keep: npt.NDArray[np.bool_]
+    ) -> Shot:
+        """The result: depth where the disparity is kept, lies in the range and the views as a whole agree."""
+        depth = self.rig.depth_m(match.disparity_px)
+        nearest, farthest = self.depth_range_m
+        keep = keep & (depth >= nearest * (1.0 - RANGE_MARGIN)) & (depth <= farthest * (1.0 + RANGE_MARGIN))
+        typical_rad = typical_mismatch_rad(match, keep)
+        views_agree = self._views_agree(phases, match, keep, typical_rad)
+        lost = Status.OCCLUDED if views_agree else Status.AMBIGUOUS
+        keep &= views_agree
+        depth[~keep] = np.nan
+        disparity = np.where(keep, match.disparity_px, np.float32(np.nan))
+        sigma = depth**2 / (self.rig.fx_px * self.rig.baseline_m) * match.sigma_px
+        status = phases[0].status.copy()
+        status[(status == Status.OK) & ~keep] = lost
+        return Shot(
+            depth_m=depth.astype(np.float32),
+            depth_sigma_m=sigma.astype(np.float32),
+            disparity_px=disparity,
+            fringe_order=fringe_orders(disparity, self._projector),
+            confidence=confidence_of(disparity, match, margin),
+            status=status,
+            background=phases[0].background,
+            typical_mismatch_rad=typical_rad,
+        )
+
+
+def merged(first: Match, second: Match, where_second: npt.NDArray[np.bool_]) -> Match:
+    """Take the second match at the pixels told."""
+    return Match.of(
+        np.where(where_second, second.disparity_px, first.disparity_px),
+        np.where(where_second, second.sigma_px, first.sigma_px),
+        np.where(where_second, second.signed_mismatch_rad, first.signed_mismatch_rad),
+    )
