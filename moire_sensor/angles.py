@@ -7,6 +7,7 @@ import numpy.typing as npt
 from numba import njit
 
 TWO_PI = np.float32(2.0 * np.pi)
+TURNS_PER_RAD = np.float32(0.5 / np.pi)
 PI = np.float32(np.pi)
 HALF_PI = np.float32(np.pi / 2.0)
 # Odd minimax polynomial of atan on 0..1, largest error 2e-6 rad, far below the phase noise floor of 3e-3 rad.
@@ -38,9 +39,9 @@ def fast_atan2(y, x):  # type: ignore[no-untyped-def]
 @njit(inline="always", fastmath=True)
 def wrap(angle):  # type: ignore[no-untyped-def]
     """Angle folded to -pi..pi."""
-    return angle - TWO_PI * np.floor(angle / TWO_PI + np.float32(0.5))
+    return angle - TWO_PI * np.floor(angle * TURNS_PER_RAD + np.float32(0.5))
 
 
 def wrapped(angle_rad: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Angles of any shape folded to -pi..pi."""
-    return np.asarray(angle_rad - TWO_PI * np.floor(angle_rad / TWO_PI + np.float32(0.5)), dtype=np.float32)
+    return np.asarray(angle_rad - TWO_PI * np.floor(angle_rad * TURNS_PER_RAD + np.float32(0.5)), dtype=np.float32)

@@ -18,7 +18,7 @@ from moire_sensor.settings import Settings
 
 ITERATIONS = 5
 LARGEST_MOVE_PX = 4.0
-HALF_HEIGHT = 2
+HALF_HEIGHT = 1
 
 
 def rematch(

@@ -14,7 +14,7 @@ from numba import njit, prange
 from moire_sensor.angles import TWO_PI, wrap
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
-from moire_sensor.projector_map import ProjectorMap, disparity_of_phase
+from moire_sensor.projector_map import PLAIN, ProjectorMap, disparity_of_phase
 
 # A mismatch of 90 degrees is as bad as any: orders that are off land 34 to 163 degrees away in the paper's rig.
 FULL_MISMATCH_RAD = np.float32(np.pi / 2.0)
@@ -73,7 +73,7 @@ def order_costs(
     limits = (orders.min_disparity_px - RANGE_MARGIN_PX, orders.max_disparity_px + RANGE_MARGIN_PX)
     fill_costs(
         left.offset_rad, right.offset_rad, left.amplitude, images[0], images[1], carriers[0].phase_rad,
-        carriers[1].phase_rad, projector.packed(), orders.first, limits[0], limits[1],
+        carriers[1].phase_rad, projector.packed(), orders.first, np.float32(limits[0]), np.float32(limits[1]),
         np.float32(shading_rad), cost,
     )  # fmt: skip
     return cost
@@ -82,7 +82,7 @@ def order_costs(
 @njit(inline="always", fastmath=False)
 def right_phase(offset, carrier_rad, y, column):  # type: ignore[no-untyped-def]
     """Absolute right phase at a fractional column and its slope; nearest pixel across an edge; NaN where unknown."""
-    left = min(max(int(np.floor(column)), 0), offset.shape[1] - 2)
+    left = min(int(max(column, np.float32(0.0))), offset.shape[1] - 2)
     part = np.float32(column - left)
     carrier_step = carrier_rad[y, left + 1] - carrier_rad[y, left]
     carrier = carrier_rad[y, left] + part * carrier_step
@@ -127,33 +127,48 @@ def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, 
         y = np.int64(row)
         matched = np.empty(labels, dtype=np.float32)
         apart = np.empty(labels, dtype=np.float32)
+        disparity = np.empty(labels, dtype=np.float32)
         for x in range(width):
             if np.isnan(left[y, x]):
                 cost[y, x, :] = np.float32(0.0)
                 continue
             phase = left_rad[y, x] + left[y, x]
-            add_phases(phase, right, right_rad, y, x, map_, first, low, high, flat, cost[y, x], matched, apart)
+            candidates(phase, x, y, map_, first, disparity)
+            add_phases(phase, right, right_rad, y, x, disparity, first, low, high, flat, cost[y, x], matched, apart)
             add_greys(left_i, right_i, left_b[y, x], y, x, cost[y, x], matched, apart)
 
 
 @njit(inline="always", fastmath=False)
-def add_phases(phase, right, right_rad, y, x, map_, first, low, high, flat, cost, matched, apart):  # type: ignore[no-untyped-def]
+def candidates(phase, x, y, map_, first, disparity):  # type: ignore[no-untyped-def]
+    """Fill the disparities of one pixel's orders; evenly spaced where the projector stands in the cameras' plane."""
+    start = phase + TWO_PI * np.float32(first)
+    disparity[0] = disparity_of_phase(map_, x, y, start)
+    if map_[7] == 0.0 and map_.shape[0] == PLAIN:
+        below = map_[4] + map_[5] * x + map_[6] * y
+        step = np.float32(2.0 * np.pi / (map_[8] * map_[3]) * below)
+        for label in range(1, disparity.size):
+            disparity[label] = disparity[0] + np.float32(label) * step
+    else:
+        for label in range(1, disparity.size):
+            disparity[label] = disparity_of_phase(map_, x, y, start + TWO_PI * np.float32(label))
+
+
+@njit(inline="always", fastmath=False)
+def add_phases(phase, right, right_rad, y, x, disparity, first, low, high, flat, cost, matched, apart):  # type: ignore[no-untyped-def]
     """Fill one pixel's costs by phase, the right columns where the phases match (NaN: none), and the mismatches."""
     width = right.shape[1]
     for label in range(cost.size):
-        absolute = phase + TWO_PI * np.float32(first + label)
-        disparity = disparity_of_phase(map_, x, y, absolute)
         matched[label] = np.float32(np.nan)
-        if not (low <= disparity <= high):
+        if not (low <= disparity[label] <= high):
             cost[label] = BLOCKED_COST
             continue
         cost[label] = UNSEEN_COST
-        column = x - disparity
-        if column < -0.5 or column > width - 0.5:
+        column = np.float32(x) - disparity[label]
+        if column < np.float32(-0.5) or column > np.float32(width) - np.float32(0.5):
             continue
         seen, slope = right_phase(right, right_rad, y, column)
         if not np.isnan(seen):
-            mismatch = wrap(np.float32(absolute - seen))
+            mismatch = wrap(phase + TWO_PI * np.float32(first + label) - seen)
             apart[label] = abs(mismatch)
             cost[label] = phase_cost(apart[label], flat)
             matched[label] = column + mismatch / slope

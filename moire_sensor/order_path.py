@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from moire_sensor.angles import TURNS_PER_RAD
 from moire_sensor.phase_carrier import Float32
 
-TURN = np.float32(2.0 * np.pi)
+NEVER = np.float32(1e9)
 STRIPE_COLUMNS = 64
 
 
@@ -53,27 +54,33 @@ def next_orders(total: Float32, label: npt.NDArray[np.int8], refused: npt.NDArra
 
 
 @njit(inline="always", fastmath=False)
-def advance(previous, current, cost, total, step, known, jump):  # type: ignore[no-untyped-def]
-    """One step of a programme: ``current`` from ``previous`` whose label + step continues the surface."""
+def advance(previous, current, cost, total, step, jump):  # type: ignore[no-untyped-def]
+    """One step of a programme: ``current`` from ``previous`` whose label + step continues the surface.
+
+    Both states hold one cell more than labels at either end, never the cheapest.
+    """
     labels = cost.size
-    lowest = previous[0]
-    for label in range(1, labels):
+    lowest = previous[1]
+    for label in range(2, labels + 1):
         lowest = min(lowest, previous[label])
     for label in range(labels):
-        best = lowest + jump if known else lowest
-        source = label + step
-        if known and 0 <= source < labels:
-            best = min(best, previous[source])
-        current[label] = cost[label] + best - lowest
-        total[label] += current[label]
+        best = min(previous[label + 1 + step] - lowest, jump)
+        current[label + 1] = cost[label] + best
+        total[label] += current[label + 1]
+
+
+@njit(inline="always", fastmath=False)
+def begin(current, cost, total):  # type: ignore[no-untyped-def]
+    """First step of a programme, and the first after a pixel without phase."""
+    for label in range(cost.size):
+        current[label + 1] = cost[label]
+        total[label] += cost[label]
 
 
 @njit(inline="always", fastmath=False)
 def label_step(here, before):  # type: ignore[no-untyped-def]
-    """Label of the neighbour minus label here on one surface, and whether both phases are known."""
-    turns = (here - before) / TURN
-    known = not np.isnan(turns)
-    return (int(np.floor(turns + np.float32(0.5))) if known else 0), known
+    """Label of the neighbour minus label here on one surface, -1 to 1."""
+    return int(np.floor((here - before) * TURNS_PER_RAD + np.float32(0.5)))
 
 
 @njit(parallel=True, cache=True)
@@ -81,16 +88,18 @@ def add_row_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
     """Add the programmes from the left and from the right."""
     height, width, labels = cost.shape
     for y in prange(height):
-        state = np.zeros((2, labels), dtype=np.float32)
+        state = np.full((2, labels + 2), NEVER, dtype=np.float32)
         for direction in (1, -1):
-            state[:] = np.float32(0.0)
             start = 0 if direction == 1 else width - 1
             before = np.float32(np.nan)
             for index in range(width):
                 x = start + direction * index
                 here = offset[y, x]
-                step, known = label_step(here, before)
-                advance(state[index % 2], state[(index + 1) % 2], cost[y, x], total[y, x], step, known, jump)
+                old, new = state[index % 2], state[(index + 1) % 2]
+                if np.isnan(here - before):
+                    begin(new, cost[y, x], total[y, x])
+                else:
+                    advance(old, new, cost[y, x], total[y, x], label_step(here, before), jump)
                 before = here
 
 
@@ -101,17 +110,19 @@ def add_column_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
     for stripe in prange((width + STRIPE_COLUMNS - 1) // STRIPE_COLUMNS):
         first = stripe * STRIPE_COLUMNS
         last = min(first + STRIPE_COLUMNS, width)
-        state = np.zeros((2, last - first, labels), dtype=np.float32)
+        state = np.full((2, last - first, labels + 2), NEVER, dtype=np.float32)
         for direction in (1, -1):
-            state[:] = np.float32(0.0)
             start = 0 if direction == 1 else height - 1
             for index in range(height):
                 y = start + direction * index
                 for x in range(first, last):
+                    here = offset[y, x]
                     before = offset[y - direction, x] if index > 0 else np.float32(np.nan)
-                    step, known = label_step(offset[y, x], before)
                     old, new = state[index % 2, x - first], state[(index + 1) % 2, x - first]
-                    advance(old, new, cost[y, x], total[y, x], step, known, jump)
+                    if np.isnan(here - before):
+                        begin(new, cost[y, x], total[y, x])
+                    else:
+                        advance(old, new, cost[y, x], total[y, x], label_step(here, before), jump)
 
 
 @njit(parallel=True, cache=True)

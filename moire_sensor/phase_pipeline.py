@@ -101,9 +101,9 @@ class PhasePipeline:
         self, match: Match, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32]
     ) -> Match:
         """Doubtful disparities matched by grey levels; NaN where phases or grey levels do not fit."""
+        drop_misfits(match, self.settings.max_mismatch_rad)
         if measures_by_stereo(self._carriers[0], self._projector):
             rematch(match, greys, phases[0].amplitude, self._carriers[0], self.settings)
-        drop_misfits(match, self.settings.max_mismatch_rad)
         return match
 
     def _refused(

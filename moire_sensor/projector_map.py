@@ -122,15 +122,21 @@ def shift_at(map_, header, start, column, row):  # type: ignore[no-untyped-def]
     return above + down * (below - above), step * map_[header + 2], (below - above) * map_[header + 2]
 
 
-@njit
+@njit(inline="always")
 def disparity_of_phase(map_, x, y, phase):  # type: ignore[no-untyped-def]
     """Disparity at which left pixel (x, y) shows an absolute phase: ProjectorMap.disparity_px_at."""
     column = (phase - map_[9]) / map_[8]
     above = map_[0] + map_[1] * x + map_[2] * y
     below = map_[4] + map_[5] * x + map_[6] * y
     disparity = (column * below - above) / (map_[3] - column * map_[7])
-    if map_.shape[0] == PLAIN:
-        return disparity
+    return disparity if map_.shape[0] == PLAIN else unbent_disparity(map_, x, y, column, disparity)
+
+
+@njit
+def unbent_disparity(map_, x, y, column, disparity):  # type: ignore[no-untyped-def]
+    """Disparity of a device column through the lens, from the one without lens."""
+    above = map_[0] + map_[1] * x + map_[2] * y
+    below = map_[4] + map_[5] * x + map_[6] * y
     across = map_[ROW] + map_[ROW + 1] * x + map_[ROW + 2] * y
     start = TABLES + int(map_[BEND + 3] * map_[BEND + 4])
     for _ in range(UNBEND_ROUNDS):
@@ -140,7 +146,7 @@ def disparity_of_phase(map_, x, y, phase):  # type: ignore[no-untyped-def]
     return disparity
 
 
-@njit
+@njit(inline="always")
 def phase_of_disparity(map_, x, y, disparity):  # type: ignore[no-untyped-def]
     """Absolute phase at left pixel (x, y) and disparity, and its derivative with disparity: phase_rad_at."""
     above = map_[0] + map_[1] * x + map_[2] * y + map_[3] * disparity
@@ -148,8 +154,14 @@ def phase_of_disparity(map_, x, y, disparity):  # type: ignore[no-untyped-def]
     column = above / below
     slope = (map_[3] - column * map_[7]) / below
     if map_.shape[0] > PLAIN:
-        row = (map_[ROW] + map_[ROW + 1] * x + map_[ROW + 2] * y + map_[ROW + 3] * disparity) / below
-        shift, along, across = shift_at(map_, BEND, TABLES, column, row)
-        slope = slope * (1.0 + along) + across * (map_[ROW + 3] - row * map_[7]) / below
-        column += shift
+        column, slope = bent_column(map_, x, y, disparity, column, slope)
     return map_[8] * column + map_[9], map_[8] * slope
+
+
+@njit
+def bent_column(map_, x, y, disparity, column, slope):  # type: ignore[no-untyped-def]
+    """Device column through the lens and its derivative with disparity, from those without lens."""
+    below = map_[4] + map_[5] * x + map_[6] * y + map_[7] * disparity
+    row = (map_[ROW] + map_[ROW + 1] * x + map_[ROW + 2] * y + map_[ROW + 3] * disparity) / below
+    shift, along, across = shift_at(map_, BEND, TABLES, column, row)
+    return column + shift, slope * (1.0 + along) + across * (map_[ROW + 3] - row * map_[7]) / below
