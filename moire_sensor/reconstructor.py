@@ -118,7 +118,9 @@ class Reconstructor:
             raise ImageError(f"the {name} images have shape {array.shape}; method {self.method!r} needs {allowed}")
         if array.dtype not in (np.uint8, np.uint16):
             raise ImageError(f"the {name} images are {array.dtype}; give uint8 or uint16 grey levels")
-        return frames.astype(np.float32) * np.float32(255.0 / self._saturation_level)
+        # In C order whatever came: the kernels compile anew for every other layout.
+        scale = np.float32(255.0 / self._saturation_level)
+        return np.asarray(np.multiply(frames, scale, dtype=np.float32, order="C"))
 
 
 def check_choices(depth_range_m: tuple[float, float], method: str, saturation_level: float) -> None:

@@ -28,10 +28,12 @@ Float32 = npt.NDArray[np.float32]
 SMALL = (96, 40)
 
 
-def small_rig(lens: tuple[float, ...] = ()) -> StereoRig:
-    """The paper's rig cropped to 96 x 40 pixels about the principal point."""
-    crop = np.array([[1.0, 0.0, 48.0 - CX_PX], [0.0, 1.0, 20.0 - 221.62866], [0.0, 0.0, 1.0]])
-    cameras = (crop @ parallel_projection(CX_PX, x_m) for x_m in (0.0, RIGHT_X_M))
+def small_rig(lens: tuple[float, ...] = (), shift_px: float = 0.0) -> StereoRig:
+    """The paper's rig cropped to 96 x 40 pixels about the principal point, the right crop ``shift_px`` farther left."""
+    cameras = []
+    for x_m, left_px in ((0.0, CX_PX - 48.0), (RIGHT_X_M, CX_PX - 48.0 - shift_px)):
+        crop = np.array([[1.0, 0.0, -left_px], [0.0, 1.0, 20.0 - 221.62866], [0.0, 0.0, 1.0]])
+        cameras.append(crop @ parallel_projection(CX_PX, x_m))
     projector = paper_rig().P_projector
     return StereoRig.from_projections(*cameras, projector, SMALL, lens, projector_size=(960, 480))
 
@@ -63,7 +65,7 @@ def negative_rig() -> StereoRig:
     """The paper's rig whose right principal point lies so far to the right that all disparities are negative."""
     plain = paper_rig()
     right = parallel_projection(CX_PX + 260.0, RIGHT_X_M)
-    return StereoRig.from_projections(plain.P_left, right, plain.P_projector, plain.image_size, projector_size=(960, 480))
+    return StereoRig.from_projections(plain.P_left, right, plain.P_projector, (640, 480), projector_size=(960, 480))
 
 
 def scaled_rig(scale: float) -> StereoRig:
