@@ -12,7 +12,15 @@ from moire_sim.score import near_edges
 from tools.bench.accuracy import Record, record, truth_of
 from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION
 from tools.bench.figures import FIGURES, condition_rows, not_ahead, scene_rows, score_table
-from tools.bench.makers import PLATE_SIZE_M, STEP_M, planarity_mm, point_precision_mm, step_m, width_m
+from tools.bench.makers import (
+    PLATE_SIZE_M,
+    STEP_M,
+    distance_error_mm,
+    planarity_mm,
+    point_precision_mm,
+    step_m,
+    width_m,
+)
 
 PLATE_M = 1.0
 
@@ -84,6 +92,7 @@ def test_precision_and_planarity_of_known_noise() -> None:
     assert planarity_mm(depths[0], board) == pytest.approx(0.98, rel=0.02)
     exact = np.where(board.covisible, board.depth_m, np.nan).astype(np.float32)
     assert planarity_mm(exact, board) == pytest.approx(0.0, abs=1e-3)
+    assert distance_error_mm(exact + np.float32(0.002), board) == pytest.approx(2.0, abs=1e-3)
     assert np.isnan(planarity_mm(np.full_like(exact, np.nan), board))
 
 

@@ -114,12 +114,14 @@ def maker_table(records: Sequence[MakerRecord], note: str) -> Table:
             one.method,
             number(one.precision_mm),
             number(one.planarity_mm),
+            number(one.distance_error_mm),
             number(one.step_error_mm),
             number(one.width_error_mm, 2),
         )
         for one in sorted(records, key=lambda one: one.distance_m)
     ]
-    columns = ("distance m", "method", "precision mm", "planarity mm", "50 mm step: error mm", "100 mm width: error mm")
+    figures = ("precision", "planarity", "distance error", "step error", "width error")
+    columns = ("distance m", "method", *(f"{figure} mm" for figure in figures))
     return Table("Point precision, planarity, trueness", note, columns, tuple(rows))
 
 

@@ -37,6 +37,7 @@ class MakerRecord:
     ----------
     precision_mm : standard deviation of a board's points over repeated exposures, rms of the best 99.7 %.
     planarity_mm : rms distance of the best 99.7 % of a board's points from the best plane.
+    distance_error_mm : median depth of a board's points minus the true one, which a wrong fringe order spoils.
     step_error_mm : rms error of the 50 mm between a plate and the wall behind.
     width_error_mm : mean error of the plate's width of 100 mm, from its outermost pixels.
     """
@@ -45,6 +46,7 @@ class MakerRecord:
     distance_m: float
     precision_mm: float
     planarity_mm: float
+    distance_error_mm: float
     step_error_mm: float
     width_error_mm: float
 
@@ -73,6 +75,7 @@ def one_record(method: Method, distance_m: float, board: AnalyticScene, plates: 
         distance_m,
         point_precision_mm(depths, truth),
         planarity_mm(depths[0], truth),
+        distance_error_mm(depths[0], truth),
         1e3 * float(np.sqrt(np.mean((steps - STEP_M) ** 2))),
         1e3 * float(np.mean(widths - PLATE_SIZE_M[0])),
     )
@@ -101,6 +104,12 @@ def planarity_mm(depth_m: Depth, truth: HeadCapture) -> float:
         near = distance <= np.quantile(distance, KEPT_SHARE)
         kept = points[near]
     return 1e3 * float(np.sqrt(np.mean(distance[near] ** 2)))
+
+
+def distance_error_mm(depth_m: Depth, truth: HeadCapture) -> float:
+    """Median of depth minus true depth over the co-visible pixels."""
+    error_m = (depth_m - truth.depth_m)[truth.covisible & np.isfinite(depth_m)]
+    return 1e3 * float(np.median(error_m)) if len(error_m) >= MIN_POINTS else float("nan")
 
 
 def step_m(depth_m: Depth, truth: HeadCapture) -> float:

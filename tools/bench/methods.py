@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor import Reconstructor
-from moire_sensor.edge_depth import fringe_edges
 from moire_sensor.paper_rig import PROJECTOR_SIZE, paper_pattern
 from moire_sensor.rig import StereoRig
 from moire_sim.random_dots import Projected, RandomDots
@@ -65,8 +64,6 @@ class FringeMethod:
     def solver(self, rig: StereoRig, condition: Condition, depth_range_m: Range, scale: float = 1.0) -> Solver:
         """Set up the method."""
         pattern = self.pattern(condition, scale)
-        if self.name == "fringe_edges":
-            return lambda left, right: fringe_edges(left, right, rig, pattern, depth_range_m).shot.depth_m
         sensor = Reconstructor(rig, pattern, depth_range_m, self.name)
         return lambda left, right: sensor.reconstruct(left, right).depth_m
 

@@ -18,9 +18,8 @@ from tools.bench.speed import SpeedRecord
 
 # Disparity error in pixels: up to 0.05 it is noise of the best, beyond 1 it is wrong.
 LEVELS_PX = (-1.0, -0.3, -0.1, -0.05, 0.05, 0.1, 0.3, 1.0)
-UNKNOWN_COLOUR = "0.25"
-# Of every 2 x 2 pixels the first is shown.
-STRIDE = 2
+UNKNOWN_COLOUR = "0.55"
+STRIDE = 2  # Of every 2 x 2 pixels the first is shown.
 MARKERS = ("o", "s", "^", "v", "D", "P")
 
 
@@ -55,7 +54,7 @@ def draw_errors(records: Sequence[Record], scene: str, path: Path) -> None:
 def draw_speed(records: Sequence[SpeedRecord], path: Path) -> None:
     """Write time against image size, one line a method, one panel a number of threads."""
     threads = sorted({one.case.threads for one in records})
-    figure = Figure(figsize=(4.2 * len(threads), 3.6), layout="constrained")
+    figure = Figure(figsize=(4.0 * len(threads) + 1.4, 3.4), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(threads), sharey=True))
     usual = records[0].case.depth_range_m
     for place, count in zip(axes, threads, strict=True):
@@ -68,7 +67,7 @@ def draw_speed(records: Sequence[SpeedRecord], path: Path) -> None:
         place.set(xscale="log", yscale="log", xlabel="pixels (million)", title=f"threads: {count}")
         place.grid(True, alpha=0.3)
     axes[0].set_ylabel("time of one pair (ms)")
-    axes[-1].legend(fontsize=7)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", fontsize=7)
     save(figure, path)
 
 

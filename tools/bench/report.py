@@ -63,10 +63,10 @@ LIGHT_NOTE = (
 )
 MAKER_NOTE = (
     f"Precision: standard deviation of a point over {REPEATS} exposures of a slightly turned board, rms of the best"
-    " 99.7 %. Planarity: rms distance of the best 99.7 % of the board's points from their best plane. Step: rms error"
-    " of the 50 mm between a plate and the wall behind, over three places. Width: mean error of the 100 mm wide plate,"
-    " from its outermost pixels (one pixel is 0.48, 0.80, 1.20 mm). All in mm at the distance, not scaled. A precision"
-    " below the planarity means an error that repeats: rounding to 1/16 px and a pull towards whole pixels."
+    " 99.7 %. Planarity: rms distance of the best 99.7 % of the board's points from their best plane. Distance: median"
+    " depth error of the board. Step: rms error of the 50 mm between a plate and the wall behind, over three places."
+    " Width: mean error of the 100 mm wide plate, from its outermost pixels (one pixel is 0.48, 0.80, 1.20 mm). All in"
+    " mm at the distance, not scaled. A precision below the planarity means an error that repeats: rounding to 1/16 px and a pull towards whole pixels."
 )
 SPEED_NOTE = (
     "Time from a pair of images (four pairs for `phase_shift`) to depth, and its ratio to StereoBM(128, 15) as OpenCV"
@@ -81,7 +81,7 @@ SCAN_NOTE = (
 PICTURE_NOTE = """## Error maps
 
 Disparity minus true disparity under the default conditions; one pixel of disparity is 3.1, 8.5 and 19 mm of depth at
-0.6, 1.0 and 1.5 m. Dark grey: no depth, as it should be in shadow and where the right camera cannot see.
+0.6, 1.0 and 1.5 m. Grey: no depth, as it should be in shadow and where the right camera cannot see.
 """
 
 
