@@ -184,7 +184,7 @@ def test_a_scene_through_both_nodes_ends_right(
     monkeypatch.setattr("sys.argv", ["demo"])
     monkeypatch.setattr(demo_run, "isolate_ros", StringIO)  # this test run is isolated already
     monkeypatch.setattr(demo_run, "scene_names", lambda: ("flat_board",))
-    # Few and slow enough that no machine has to supersede one: the reconstruction's queue holds three.
+    # So few that no machine has to supersede one: the queue of the demo's reconstruction holds ten.
     monkeypatch.setattr(demo_run, "SCENE_EXPOSURES", 3)
     monkeypatch.setattr(demo_run, "RATE_HZ", 2.0)
     assert demo_run.main() == 0

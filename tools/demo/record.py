@@ -24,6 +24,8 @@ RECORDED = "head depth/image_rect depth/camera_info fringe_order/image status/im
 DEPTH_TOPIC = "/head/depth/image_rect"
 # The head waits for the recorder, the reconstruction, and a third subscriber that gives the start.
 SUBSCRIBERS = 3
+# Queues hold what comes in one second at 10 Hz, so that a hiccup of the machine loses nothing; latency tells of it.
+RECONSTRUCTION = ("reliable_input:=true", "queue_depth:=10", "diagnostics_period_s:=0.1")
 # Without any news for so long, something hangs; a busy machine needs up to a minute to compile the kernels.
 NEWS_TIMEOUT_S = 120.0
 
@@ -107,7 +109,7 @@ def record(run: Run, node: Node, folder: Path, progress: Callable[[int], object]
     recording = Recording(folder / "bag")
     recorder = BagRecorder(node, recording.bag, topics_named(RECORDED))
     monitor = Monitor(node, recording)
-    parameters = [f"method:={run.method}", "reliable_input:=true", "diagnostics_period_s:=0.1", *run.reconstruction]
+    parameters = [f"method:={run.method}", *RECONSTRUCTION, *run.reconstruction]
     processes = [
         NodeProcess.start("reconstruction", parameters, folder / "reconstruction.log"),
         NodeProcess.start(
