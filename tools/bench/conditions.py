@@ -75,3 +75,5 @@ ILLUMINATION = (
     Condition("ambient 3x", ambient=210.0, texture=0.3),
     Condition("flicker 1x", ambient=70.0, flicker=0.3, texture=0.3),
 )
+# The same light on white surfaces tells what the light costs by itself.
+PLAIN_AMBIENT = Condition("ambient 3x, white", ambient=210.0)

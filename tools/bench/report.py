@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tools.bench.block_matching import LEFT_RIGHT_PX, SPECK_AREA_PX, UNIQUENESS_PERCENT
-from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, TEXTURED
+from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, PLAIN_AMBIENT, TEXTURED
 from tools.bench.figures import (
     condition_rows,
     maker_table,
@@ -56,17 +56,18 @@ CONDITION_NOTE = (
     " exist for dots, which are bright or dark: compare with the default."
 )
 LIGHT_NOTE = (
-    "Means over six scenes whose surfaces carry a checker texture of 30 %, so that stereo without a projector has"
-    " something to match. Ambient 1x and 3x: as bright as 1 and 3 times the fringe amplitude; the exposure is shortened"
-    " until nothing saturates, the noise stays. Flicker: the ambient light swings by 30 % at 100 Hz, the frames follow"
-    " at 60 per second; it matters to phase shifting, whose steps see different light."
+    "Means over six scenes; where not said otherwise their surfaces carry a checker texture of 30 %, so that stereo"
+    " without a projector has something to match. Ambient 1x and 3x: as bright as 1 and 3 times the fringe amplitude;"
+    " the exposure is shortened until nothing saturates, the noise stays. Flicker: the ambient light swings by 30 % at"
+    " 100 Hz, the frames follow at 60 per second; it matters to phase shifting, whose steps see different light."
 )
 MAKER_NOTE = (
     f"Precision: standard deviation of a point over {REPEATS} exposures of a slightly turned board, rms of the best"
     " 99.7 %. Planarity: rms distance of the best 99.7 % of the board's points from their best plane. Distance: median"
     " depth error of the board. Step: rms error of the 50 mm between a plate and the wall behind, over three places."
     " Width: mean error of the 100 mm wide plate, from its outermost pixels (one pixel is 0.48, 0.80, 1.20 mm). All in"
-    " mm at the distance, not scaled. A precision below the planarity means an error that repeats: rounding to 1/16 px and a pull towards whole pixels."
+    " mm at the distance, not scaled. A precision below the planarity means an error that repeats: rounding to 1/16 px"
+    " and a pull towards whole pixels."
 )
 SPEED_NOTE = (
     "Time from a pair of images (four pairs for `phase_shift`) to depth, and its ratio to StereoBM(128, 15) as OpenCV"
@@ -112,7 +113,7 @@ def condition_tables(results: Results, peers: list[str]) -> list[Table]:
     if {row.place for row in rows} - {DEFAULT.name}:
         tables.append(score_table("Conditions", CONDITION_NOTE, "condition", rows))
         tables.append(not_ahead("Conditions: where we are not ahead", AHEAD_NOTE, "condition", rows, peers))
-    lights = [TEXTURED.name, *(one.name for one in ILLUMINATION)]
+    lights = [TEXTURED.name, *(one.name for one in ILLUMINATION), PLAIN_AMBIENT.name]
     lit_scenes = {one.scene for one in results.records if one.condition == ILLUMINATION[0].name}
     rows = condition_rows([one for one in results.records if one.scene in lit_scenes])
     rows = sorted((row for row in rows if row.place in lights), key=lambda row: lights.index(row.place))

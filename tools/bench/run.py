@@ -10,7 +10,7 @@ from pathlib import Path
 
 from moire_sim.analytic_scenes import analytic_scene_names
 from tools.bench.accuracy import Record, scene_records
-from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, TEXTURED, Condition
+from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, PLAIN_AMBIENT, TEXTURED, Condition
 from tools.bench.dot_scan import DOTS_PX, SCAN_SCENES, Trial, best_settings, mean_trials, trials_of_dots
 from tools.bench.makers import DISTANCES_M, MakerRecord, maker_records
 from tools.bench.methods import OURS, PEERS, DotMethod, Method
@@ -115,6 +115,7 @@ def accuracy_tasks(options: argparse.Namespace, methods: Sequence[Method]) -> li
             tasks.append((scene_records, (scene, textured, methods)))
         if "light" in options.parts and scene in LIGHT_SCENES:
             tasks.append((scene_records, (scene, ILLUMINATION, (*methods, passive))))
+            tasks.append((scene_records, (scene, (PLAIN_AMBIENT,), methods)))
     return tasks
 
 
