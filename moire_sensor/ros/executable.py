@@ -93,7 +93,13 @@ def initialise(arguments: list[str]) -> None:
 
 
 def _leave(code: int) -> int:
-    """Return the exit code; leave at once while a thread still compiles, which the interpreter cannot end in peace."""
+    """Return the exit code; leave at once while a thread still compiles, which the interpreter cannot end in peace.
+
+    A signal that comes now has nothing left to end. The interpreter drops its own handlers on the way out, and the
+    process would end by the signal in place of the exit code; an ignored one stays ignored.
+    """
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     if threading.active_count() > 1:
         sys.stdout.flush()
         sys.stderr.flush()
