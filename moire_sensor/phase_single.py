@@ -43,7 +43,8 @@ def phase_from_single(image: Float32, carrier: Carrier, step_rad: float, setting
     shape = image.shape
     half_width, half_height = carrier.half_width_px, carrier.half_height_px
     samples = (2 * half_width + 1) * (2 * half_height + 1)
-    fit = np.empty((4, *shape), dtype=np.float32)
+    # Zeros, not whatever memory held: windows that leave the image are not fitted, yet their neighbours look at them.
+    fit = np.zeros((4, *shape), dtype=np.float32)
     fit_windows(
         image, carrier.cos, carrier.sin, carrier.rad_per_px, carrier.inverse, carrier.detuned, half_width, half_height,
         fit,
