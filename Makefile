@@ -22,5 +22,6 @@ test: check
 	$(BIN)/pytest
 
 # BENCH="--parts scenes --scenes waves" measures a part; BENCH=--help tells all options.
+# Idle kernel threads sleep, as in the executables.
 bench: setup
-	@$(BIN)/python -m tools.bench.run $(BENCH)
+	@OMP_WAIT_POLICY=passive $(BIN)/python -m tools.bench.run $(BENCH)

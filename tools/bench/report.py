@@ -72,7 +72,8 @@ MAKER_NOTE = (
 SPEED_NOTE = (
     "Time from a pair of images (four pairs for `phase_shift`) to depth, and its ratio to StereoBM(128, 15) as OpenCV"
     " makes it, timed turn by turn in one process: medians. Peers with the settings above, over the whole depth range."
-    " On a busy machine the milliseconds are too high; the ratios suffer less."
+    " Idle kernel threads sleep (OMP_WAIT_POLICY=passive), as in the nodes. On a busy machine the milliseconds are too"
+    " high; the ratios suffer less."
 )
 SCAN_NOTE = (
     "How the peers' settings were chosen: mean share of the co-visible pixels right within 1, 1/2 and 1/4 px, less the"
