@@ -16,7 +16,7 @@ from moire_sensor.projector_map import ProjectorMap, disparity_of_phase, phase_o
 from moire_sensor.settings import Settings
 from moire_sensor.shot import UNKNOWN_ORDER
 
-ITERATIONS = 1
+ITERATIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
