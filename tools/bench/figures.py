@@ -98,7 +98,7 @@ def not_ahead(title: str, note: str, place: str, rows: Sequence[Row], peers: Seq
             own, behind = [], False
             for method in DENSE_METHODS:
                 value = by_method.get(method, (math.nan,) * len(FIGURES))[index]
-                late = math.isnan(value) or rivals[best] - sign * value > equal
+                late = method in by_method and not rivals[best] - sign * value <= equal
                 behind |= late
                 own.append(show(value) + (" *" if late else ""))
             if behind:
