@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from moire_sensor.angles import NAN_SAFE
 from moire_sensor.depth_refine import Match
 from moire_sensor.order_cost import REACH_PX, difference
 from moire_sensor.phase_carrier import Float32
@@ -14,6 +15,7 @@ from moire_sensor.phase_carrier import Float32
 SAME_SURFACE_PX = 1.0
 MISMATCH_WEIGHT = np.float32(0.5)
 SPECKLE_STEPS_PER_PX = 8
+NO_STEP = np.int16(-32768)
 
 
 def drop_misfits(match: Match, max_mismatch_rad: float) -> None:
@@ -30,7 +32,7 @@ def is_unique(
     return unique
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def keep_unique(disparity, mismatch, amplitude, left, right, unique):  # type: ignore[no-untyped-def]
     """Of the left pixels that claim one right pixel from different surfaces only the one that looks like it stays."""
     height, width = disparity.shape
@@ -44,11 +46,7 @@ def keep_unique(disparity, mismatch, amplitude, left, right, unique):  # type: i
             column = int(np.floor(x - disparity[y, x] + 0.5))
             if 0 <= column < width:
                 rival = winner[column]
-                if rival < 0:
-                    winner[column] = x
-                    continue
-                here = differs(disparity, mismatch, amplitude, left, right, y, x)
-                if here < differs(disparity, mismatch, amplitude, left, right, y, rival):
+                if rival < 0 or beats(disparity, mismatch, amplitude, left, right, y, x, rival):
                     winner[column] = x
         for x in range(width):
             if np.isnan(disparity[y, x]):
@@ -56,6 +54,15 @@ def keep_unique(disparity, mismatch, amplitude, left, right, unique):  # type: i
             column = int(np.floor(x - disparity[y, x] + 0.5))
             if 0 <= column < width:
                 unique[y, x] = abs(disparity[y, winner[column]] - disparity[y, x]) <= SAME_SURFACE_PX
+
+
+@njit(inline="always", fastmath=False)
+def beats(disparity, mismatch, amplitude, left, right, y, x, rival):  # type: ignore[no-untyped-def]
+    """Whether left pixel x of another surface fits the right pixel better than its rival."""
+    if abs(disparity[y, rival] - disparity[y, x]) <= SAME_SURFACE_PX:
+        return False
+    here = differs(disparity, mismatch, amplitude, left, right, y, x)
+    return here < differs(disparity, mismatch, amplitude, left, right, y, rival)
 
 
 @njit(inline="always", fastmath=False)
@@ -69,10 +76,23 @@ def differs(disparity, mismatch, amplitude, left, right, y, x):  # type: ignore[
     return grey + MISMATCH_WEIGHT * mismatch[y, x]
 
 
-def without_specks(disparity_px: Float32, min_segment_px: int) -> Float32:
-    """Drop connected surfaces of fewer than ``min_segment_px`` pixels."""
-    lowest = np.nanmin(disparity_px) if np.isfinite(disparity_px).any() else 0.0
-    steps = np.where(np.isfinite(disparity_px), (disparity_px - lowest) * SPECKLE_STEPS_PER_PX, -1000.0)
-    coarse = np.clip(steps, -1000, 32000).astype(np.int16)
-    cv2.filterSpeckles(coarse, -1000, min_segment_px, SPECKLE_STEPS_PER_PX)
-    return np.where(coarse == -1000, np.float32(np.nan), disparity_px)
+def without_specks(disparity_px: Float32, min_segment_px: int) -> npt.NDArray[np.bool_]:
+    """Pixels (H, W) on connected surfaces of at least ``min_segment_px`` pixels."""
+    steps = np.empty(disparity_px.shape, dtype=np.int16)
+    sample = disparity_px[::7, ::7]
+    known = sample[np.isfinite(sample)]
+    fill_steps(disparity_px, np.float32(np.median(known) if known.size else 0.0), steps)
+    cv2.filterSpeckles(steps, int(NO_STEP), min_segment_px, SPECKLE_STEPS_PER_PX)
+    return np.asarray(steps != NO_STEP)
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def fill_steps(disparity, middle, steps):  # type: ignore[no-untyped-def]
+    """Fill ``steps`` (H, W) with disparities in eighths of a pixel about ``middle``, ``NO_STEP`` where NaN."""
+    height, width = disparity.shape
+    for y in prange(height):
+        for x in range(width):
+            steps[y, x] = NO_STEP
+            if not np.isnan(disparity[y, x]):
+                step = np.float32(SPECKLE_STEPS_PER_PX) * (disparity[y, x] - middle)
+                steps[y, x] = np.int16(min(max(step, np.float32(-32000.0)), np.float32(32000.0)))

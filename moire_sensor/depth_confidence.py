@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numba import njit, prange
 
+from moire_sensor.angles import NAN_SAFE
 from moire_sensor.depth_refine import Match
 from moire_sensor.phase_carrier import Float32
 
@@ -43,7 +44,7 @@ def confidence_of(disparity_px: Float32, match: Match, margin: Float32) -> Float
     return confidence
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def fill_confidence(known, mismatch, margin, share, spread, sigma, confidence):  # type: ignore[no-untyped-def]
     """Fill ``confidence`` (H, W) with the logistic function of the weighted properties."""
     height, width = known.shape

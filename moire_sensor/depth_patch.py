@@ -10,13 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from moire_sensor.angles import NAN_SAFE
 from moire_sensor.depth_refine import Match
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
-ITERATIONS = 5
+ITERATIONS = 3
 LARGEST_MOVE_PX = 4.0
 HALF_HEIGHT = 1
 
@@ -60,7 +61,7 @@ def right_as_left(right: Float32, disparity_px: Float32, phases: tuple[PhaseImag
     return np.asarray(right * np.float32(gain) + np.float32(shift))
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def match_patches(left, right, mismatch, amplitude, half_width, doubt, noise, max_misfit, disparity, sigma):  # type: ignore[no-untyped-def]
     """Replace disparity and sigma of doubtful pixels by those of the best of three patches, NaN where none fits."""
     height, width = left.shape

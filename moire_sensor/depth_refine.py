@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import wrap
+from moire_sensor.angles import NAN_SAFE, wrap
 from moire_sensor.order_cost import OrderRange, right_phase
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
@@ -67,7 +67,7 @@ def refine(
     return Match.of(result[0], result[1], result[2])
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def solve_disparity(  # type: ignore[no-untyped-def]
     label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, common, alignment, result
 ):
@@ -116,7 +116,7 @@ def fringe_orders(disparity_px: Float32, projector: ProjectorMap) -> npt.NDArray
     return orders
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def fill_orders(disparity, map_, orders):  # type: ignore[no-untyped-def]
     """Fill ``orders`` (H, W)."""
     height, width = disparity.shape

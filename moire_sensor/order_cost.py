@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import TWO_PI, wrap
+from moire_sensor.angles import NAN_SAFE, TWO_PI, wrap
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import PLAIN, ProjectorMap, disparity_of_phase
@@ -119,7 +119,7 @@ def smallest_difference(left, right, y, x, column, reach):  # type: ignore[no-un
     return min(here, min(before, after))
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def fill_costs(left, right, left_b, left_i, right_i, left_rad, right_rad, map_, first, low, high, flat, cost):  # type: ignore[no-untyped-def]
     """Fill ``cost`` (H, W, labels)."""
     height, width, labels = cost.shape

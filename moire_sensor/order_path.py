@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import TURNS_PER_RAD
+from moire_sensor.angles import NAN_SAFE, TURNS_PER_RAD
 from moire_sensor.phase_carrier import Float32
 
 NEVER = np.float32(1e9)
@@ -45,12 +45,23 @@ def best_orders(total: Float32, offset_rad: Float32) -> tuple[npt.NDArray[np.int
 
 def next_orders(total: Float32, label: npt.NDArray[np.int8], refused: npt.NDArray[np.bool_]) -> npt.NDArray[np.int8]:
     """Return the second cheapest label where the first was refused, -1 elsewhere and where there is no second."""
-    rows, columns = np.nonzero(refused & (label >= 0))
-    others = total[rows, columns]
-    others[np.arange(rows.size), label[rows, columns]] = np.inf
     following = np.full(label.shape, -1, dtype=np.int8)
-    following[rows, columns] = np.argmin(others, axis=1)
+    take_next(total, label, refused, following)
     return following
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def take_next(total, label, refused, following):  # type: ignore[no-untyped-def]
+    """Fill ``following`` (H, W) at refused pixels that have a label."""
+    height, width, labels = total.shape
+    for y in prange(height):
+        for x in range(width):
+            if refused[y, x] and label[y, x] >= 0:
+                best = np.float32(np.inf)
+                for candidate in range(labels):
+                    if candidate != label[y, x] and total[y, x, candidate] < best:
+                        best = total[y, x, candidate]
+                        following[y, x] = candidate
 
 
 @njit(inline="always", fastmath=False)
@@ -83,7 +94,7 @@ def label_step(here, before):  # type: ignore[no-untyped-def]
     return int(np.floor((here - before) * TURNS_PER_RAD + np.float32(0.5)))
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def add_row_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
     """Add the programmes from the left and from the right."""
     height, width, labels = cost.shape
@@ -103,7 +114,7 @@ def add_row_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
                 before = here
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def add_column_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
     """Add the programmes from above and from below, a stripe of columns at a time."""
     height, width, labels = cost.shape
@@ -125,7 +136,7 @@ def add_column_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
                         advance(old, new, cost[y, x], total[y, x], label_step(here, before), jump)
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def take_best(total, offset, label, margin):  # type: ignore[no-untyped-def]
     """Lowest label per pixel and how far the second lies above it."""
     height, width, labels = total.shape

@@ -87,11 +87,11 @@ class PhasePipeline:
         first = self._refine(label, phases)
         greys = (greys[0], right_as_left(greys[1], first.disparity_px, phases))
         match = self._rematch(first, phases, greys)
-        refused = self._refused(label, match, phases, greys)
+        refused = (label >= 0) & ~self._unique(match, phases, greys)
         second = self._refine(next_orders(total, label, refused), phases)
         match = merged(match, self._rematch(second, phases, greys), refused)
-        keep = ~self._refused(label, match, phases, greys)
-        return self._shot(phases, match, margin, keep)
+        unique = np.where(self._unique(match, phases, greys), match.disparity_px, np.float32(np.nan))
+        return self._shot(phases, match, margin, without_specks(unique, self.settings.min_segment_px))
 
     def _refine(self, label: npt.NDArray[np.int8], phases: tuple[PhaseImage, PhaseImage]) -> Match:
         """Disparities of the chosen orders from the phases of all views."""
@@ -106,17 +106,11 @@ class PhasePipeline:
             rematch(match, greys, phases[0].amplitude, self._carriers[0], self.settings)
         return match
 
-    def _refused(
-        self,
-        label: npt.NDArray[np.int8],
-        match: Match,
-        phases: tuple[PhaseImage, PhaseImage],
-        greys: tuple[Float32, Float32],
+    def _unique(
+        self, match: Match, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32]
     ) -> npt.NDArray[np.bool_]:
-        """Pixels with a phase whose order cannot stay: no match, its right pixel taken, or a speck."""
-        unique = is_unique(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
-        disparity = np.where(unique, match.disparity_px, np.float32(np.nan))
-        return (label >= 0) & ~np.isfinite(without_specks(disparity, self.settings.min_segment_px))
+        """Pixels with a match whose right pixel no better match claims."""
+        return is_unique(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
 
     def _views_agree(
         self,
@@ -136,7 +130,9 @@ class PhasePipeline:
         self, phases: tuple[PhaseImage, PhaseImage], match: Match, margin: Float32, keep: npt.NDArray[np.bool_]
     ) -> Shot:
         """The result: depth where the disparity is kept, lies in the range and the views as a whole agree."""
-        depth = self.rig.depth_m(match.disparity_px)
+        focal_times_baseline = np.float32(self.rig.fx_px * self.rig.baseline_m)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = focal_times_baseline / (match.disparity_px - np.float32(self.rig.disparity_at_infinity_px))
         nearest, farthest = self.depth_range_m
         keep = keep & (depth >= nearest * (1.0 - RANGE_MARGIN)) & (depth <= farthest * (1.0 + RANGE_MARGIN))
         typical_rad = typical_mismatch_rad(match, keep)
@@ -145,12 +141,12 @@ class PhasePipeline:
         keep &= views_agree
         depth[~keep] = np.nan
         disparity = np.where(keep, match.disparity_px, np.float32(np.nan))
-        sigma = depth**2 / (self.rig.fx_px * self.rig.baseline_m) * match.sigma_px
+        sigma = depth * depth / focal_times_baseline * match.sigma_px
         status = phases[0].status.copy()
         status[(status == Status.OK) & ~keep] = lost
         return Shot(
-            depth_m=depth.astype(np.float32),
-            depth_sigma_m=sigma.astype(np.float32),
+            depth_m=depth,
+            depth_sigma_m=sigma.astype(np.float32, copy=False),
             disparity_px=disparity,
             fringe_order=fringe_orders(disparity, self._projector),
             confidence=confidence_of(disparity, match, margin),

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.edge_depth import fringe_edges
-from moire_sensor.errors import ImageError, SettingsError
+from moire_sensor.errors import ImageError, PatternError, SettingsError
 from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_pipeline import PhasePipeline
@@ -41,7 +41,7 @@ class Reconstructor:
         An unknown method, a depth range that is empty or not positive, or fringes too fine or too coarse for the
         images.
     PatternError
-        Fewer than three steps for ``"phase_shift"``.
+        Fewer than three steps, or four square ones, for ``"phase_shift"``.
     """
 
     def __init__(
@@ -62,6 +62,7 @@ class Reconstructor:
         self._saturation_level = float(saturation_level)
         self._pipeline = PhasePipeline(rig, pattern, self.depth_range_m, self.settings)
         if method == "phase_shift":
+            check_steps(pattern)
             StepFilter.build(pattern.step_phases_rad, 0, self.frames_needed)
 
     @property
@@ -121,6 +122,14 @@ class Reconstructor:
         # In C order whatever came: the kernels compile anew for every other layout.
         scale = np.float32(255.0 / self._saturation_level)
         return np.asarray(np.multiply(frames, scale, dtype=np.float32, order="C"))
+
+
+def check_steps(pattern: FringePattern) -> None:
+    """Raise PatternError for four square steps: they show four phases only, and depth from them would be wrong."""
+    if pattern.waveform == "square" and pattern.step_count == 4:
+        raise PatternError(
+            "square fringes in 4 steps show only four phases of a period; project sine fringes, or 3, 5 or more steps"
+        )
 
 
 def check_choices(depth_range_m: tuple[float, float], method: str, saturation_level: float) -> None:

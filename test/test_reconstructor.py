@@ -218,6 +218,34 @@ def test_settings_outside_their_range_are_refused(change: dict[str, float]) -> N
         Settings(**change)  # type: ignore[arg-type]
 
 
+def test_four_square_steps_are_refused() -> None:
+    square = replace(paper_pattern(4), waveform="square")
+    with pytest.raises(PatternError, match="four phases"):
+        Reconstructor(paper_rig(), square, method="phase_shift")
+    Reconstructor(paper_rig(), square.with_equal_steps(5), method="phase_shift")
+
+
+def test_the_papers_sparse_method_is_right_where_it_has_points() -> None:
+    scene = capture("small_plate")
+    shot = Reconstructor(scene.rig, scene.pattern, method="fringe_edges").reconstruct(scene.left, scene.right)
+    error_px = disparity_error_px(shot.depth_m, scene)[scene.covisible & np.isfinite(shot.depth_m)]
+    assert error_px.size > 20_000  # an edge every 8.3 columns of some 258 000 co-visible pixels is 31 000
+    assert (np.abs(error_px) < 1.0).mean() >= 0.99  # issue of the method: 99 % within 1 px
+
+
+def test_one_camera_alone_is_right_near_its_plane_and_orders_off_beyond() -> None:
+    scene = capture("plane_1500")
+    near, far = (
+        Reconstructor(scene.rig, scene.pattern, method="reference_plane", settings=Settings(reference_depth_m=depth_m))
+        .reconstruct(scene.left, scene.right)
+        .depth_m
+        for depth_m in (1.5, 1.0)
+    )
+    # Half a period is 90 mm here; noise is 0.4 mm at 1.5 m.
+    assert np.nanmedian(np.abs(near - scene.depth_m)) < 0.001
+    assert np.nanmedian(np.abs(far - scene.depth_m)) > 0.1
+
+
 def test_frames_needed() -> None:
     assert sensor().frames_needed == 1
     for steps, frames in ((3, 5), (4, 5), (5, 7)):

@@ -21,6 +21,8 @@ Range = tuple[float, float]
 # Left and right images to depth; made once for a rig and pattern, as a driver would.
 Solver = Callable[[Any, Any], Depth]
 STEPS = 4
+# Four square steps show only four phases; the reconstructor refuses them.
+SQUARE_STEPS = 5
 
 
 class Method(Protocol):
@@ -57,8 +59,9 @@ class FringeMethod:
     projector_on: bool = True
 
     def pattern(self, condition: Condition, scale: float = 1.0) -> Any:
-        """Return the paper's fringes, in four steps for phase shifting."""
-        fringes = paper_pattern(STEPS if self.name == "phase_shift" else 1)
+        """Return the paper's fringes, in four steps for phase shifting, in five where they are square."""
+        steps = SQUARE_STEPS if condition.waveform == "square" else STEPS
+        fringes = paper_pattern(steps if self.name == "phase_shift" else 1)
         return replace(fringes, period_px=fringes.period_px * scale, waveform=condition.waveform)
 
     def solver(self, rig: StereoRig, condition: Condition, depth_range_m: Range, scale: float = 1.0) -> Solver:
