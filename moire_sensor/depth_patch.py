@@ -20,6 +20,7 @@ from moire_sensor.settings import Settings
 ITERATIONS = 3
 LARGEST_MOVE_PX = 4.0
 HALF_HEIGHT = 1
+SAMPLE_PX = 3
 
 
 def rematch(
@@ -51,7 +52,7 @@ def measures_by_stereo(carrier: Carrier, projector: ProjectorMap) -> bool:
 
 def right_as_left(right: Float32, disparity_px: Float32, phases: tuple[PhaseImage, PhaseImage]) -> Float32:
     """Right image (H, W) with the gain and shift that turn its grey levels into left ones, from matched fringes."""
-    rows, columns = (part[:: part.size // 5000 + 1] for part in np.nonzero(np.isfinite(disparity_px)))
+    rows, columns = (SAMPLE_PX * part for part in np.nonzero(np.isfinite(disparity_px[::SAMPLE_PX, ::SAMPLE_PX])))
     if rows.size < 100:
         return right
     seen = np.clip(np.rint(columns - disparity_px[rows, columns]), 0, right.shape[1] - 1).astype(np.int64)

@@ -17,6 +17,8 @@ from moire_sensor.settings import Settings
 from moire_sensor.shot import UNKNOWN_ORDER
 
 ITERATIONS = 2
+# Phases are nearly straight over so short a step: a second one would hardly move it.
+SETTLED_PX = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +104,11 @@ def solve_disparity(  # type: ignore[no-untyped-def]
                 gain1, gain2 = w11 * slope1 + w12 * slope2, w12 * slope1 + w22 * slope2
                 norm = gain1 * slope1 + gain2 * slope2
                 residual = wrap(np.float32(seen - expected))
-                disparity += (gain1 * (phase - expected) + gain2 * residual) / norm
+                step = (gain1 * (phase - expected) + gain2 * residual) / norm
+                disparity += step
                 sigma = np.sqrt(gain1 * gain1 * v1 + gain2 * gain2 * v2) / norm
+                if abs(step) < SETTLED_PX:
+                    break
             if not np.isnan(seen):
                 result[0, y, x] = disparity
                 result[1, y, x] = sigma
