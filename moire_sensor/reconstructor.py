@@ -38,8 +38,8 @@ class Reconstructor:
     Raises
     ------
     SettingsError
-        An unknown method, a depth range that is empty or not positive, or fringes too fine or too coarse for the
-        images.
+        An unknown method, a depth range that is empty or not positive, fringes too fine or too coarse for the images,
+        or a projector lens with a method that does not model it.
     PatternError
         Fewer than three steps, or four square ones, for ``"phase_shift"``.
     """
@@ -54,6 +54,7 @@ class Reconstructor:
         settings: Settings | None = None,
     ) -> None:
         check_choices(depth_range_m, method, saturation_level)
+        check_lens(rig, method)
         self.rig = rig
         self.pattern = pattern
         self.depth_range_m = (float(depth_range_m[0]), float(depth_range_m[1]))
@@ -122,6 +123,15 @@ class Reconstructor:
         # In C order whatever came: the kernels compile anew for every other layout.
         scale = np.float32(255.0 / self._saturation_level)
         return np.asarray(np.multiply(frames, scale, dtype=np.float32, order="C"))
+
+
+def check_lens(rig: StereoRig, method: str) -> None:
+    """Raise SettingsError where the projector has a lens that the method does not model."""
+    if rig.projector_distortion and method in ("fringe_edges", "reference_plane"):
+        raise SettingsError(
+            f"method {method!r} knows no projector lens, and this projector has one {rig.projector_distortion}; "
+            "use dense or phase_shift"
+        )
 
 
 def check_steps(pattern: FringePattern) -> None:

@@ -225,6 +225,13 @@ def test_four_square_steps_are_refused() -> None:
     Reconstructor(paper_rig(), square.with_equal_steps(5), method="phase_shift")
 
 
+@pytest.mark.parametrize("method", ["fringe_edges", "reference_plane"])
+def test_a_projector_lens_is_refused_by_methods_that_do_not_model_it(method: str) -> None:
+    bent = replace(paper_rig(), projector_distortion=(-0.2, 0.1, 0.0, 0.0, 0.0))
+    with pytest.raises(SettingsError, match="knows no projector lens"):
+        Reconstructor(bent, paper_pattern(), method=method)
+
+
 def test_the_papers_sparse_method_is_right_where_it_has_points() -> None:
     scene = capture("small_plate")
     shot = Reconstructor(scene.rig, scene.pattern, method="fringe_edges").reconstruct(scene.left, scene.right)
