@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from moire_sensor.errors import SettingsError
-from moire_sensor.settings import setting
+from moire_sensor.settings import check_ranges, setting
 
 
 @dataclass(frozen=True)
@@ -36,11 +35,7 @@ class EdgeSettings:
     follow_px: float = setting(1.5, 0.1, 8.0, "largest shift of an edge from one row to the next, pixels")
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            low, high = item.metadata["low"], item.metadata["high"]
-            if not (math.isfinite(value) and low <= value <= high):
-                raise SettingsError(f"{item.name} is {value}; allowed is {low} to {high} ({item.metadata['text']})")
+        check_ranges(self)
         if not self.lambda_oc < self.lambda_mat < self.penalty:
             raise SettingsError(
                 f"lambda_oc {self.lambda_oc}, lambda_mat {self.lambda_mat}, penalty {self.penalty} are out of order; "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 from moire_sensor.errors import SettingsError
 
@@ -12,6 +13,15 @@ def setting(default: float, low: float, high: float, text: str) -> float:
     """Declare a numeric setting with its allowed range and description."""
     value: float = field(default=default, metadata={"low": low, "high": high, "text": text})
     return value
+
+
+def check_ranges(settings: Any) -> None:
+    """Raise SettingsError for a field of a dataclass of settings outside its range, naming it."""
+    for item in fields(settings):
+        value = getattr(settings, item.name)
+        low, high = item.metadata["low"], item.metadata["high"]
+        if not (math.isfinite(value) and low <= value <= high):
+            raise SettingsError(f"{item.name} is {value}; allowed is {low} to {high} ({item.metadata['text']})")
 
 
 @dataclass(frozen=True)
@@ -42,8 +52,4 @@ class Settings:
     min_segment_px: int = setting(60, 0, 100000, "smallest connected surface that is kept, pixels")  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            low, high = item.metadata["low"], item.metadata["high"]
-            if not (math.isfinite(value) and low <= value <= high):
-                raise SettingsError(f"{item.name} is {value}; allowed is {low} to {high} ({item.metadata['text']})")
+        check_ranges(self)
