@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -33,8 +35,8 @@ def fringe_signal(image: npt.NDArray[np.floating], carrier_rad: Array, period_px
     return fringe
 
 
-def low_passed(rows: ComplexArray, period_px: float) -> ComplexArray:
-    """Rows (H, W) under a triangle two periods wide, by FFT; cut and rescaled at the ends of the row."""
+def low_passed(rows: npt.NDArray[Any], period_px: float) -> ComplexArray:
+    """Real or complex rows (H, W) under a triangle two periods wide, by FFT; cut and rescaled at the ends of the row."""
     width = rows.shape[1]
     padded = width + 2 * int(np.ceil(period_px))
     response = np.sinc(np.fft.fftfreq(padded) * period_px) ** 2
