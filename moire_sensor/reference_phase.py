@@ -36,7 +36,7 @@ def fringe_signal(image: npt.NDArray[np.floating], carrier_rad: Array, period_px
 
 
 def low_passed(rows: npt.NDArray[Any], period_px: float) -> ComplexArray:
-    """Real or complex rows (H, W) under a triangle two periods wide, by FFT; cut and rescaled at the ends of the row."""
+    """Rows (H, W), real or complex, under a triangle two periods wide, by FFT; rescaled at the ends of the row."""
     width = rows.shape[1]
     padded = width + 2 * int(np.ceil(period_px))
     response = np.sinc(np.fft.fftfreq(padded) * period_px) ** 2
