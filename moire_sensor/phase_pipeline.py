@@ -51,6 +51,7 @@ class PhasePipeline:
             Carrier.left(self._projector, rig.image_size, middle, settings.half_height_px),
             Carrier.right(self._projector, rig.image_size, middle, settings.half_height_px),
         )
+        self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
         self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
 
     def example(self, frame_count: int) -> npt.NDArray[np.uint8]:
@@ -102,7 +103,7 @@ class PhasePipeline:
     ) -> Match:
         """Doubtful disparities matched by grey levels; NaN where phases or grey levels do not fit."""
         drop_misfits(match, self.settings.max_mismatch_rad)
-        if measures_by_stereo(self._carriers[0], self._projector):
+        if self._by_stereo:
             rematch(match, greys, phases[0].amplitude, self._carriers[0], self.settings)
         return match
 
@@ -120,8 +121,7 @@ class PhasePipeline:
         typical_rad: float,
     ) -> bool:
         """Whether rig, pattern and images fit each other; where the projector measures, alignment matters less."""
-        by_stereo = measures_by_stereo(self._carriers[0], self._projector)
-        limit = self.settings.max_typical_mismatch_rad * (1.0 if by_stereo else PROJECTOR_SLACK)
+        limit = self.settings.max_typical_mismatch_rad * (1.0 if self._by_stereo else PROJECTOR_SLACK)
         if typical_rad > limit:
             return False
         return not orders_fail(match, keep, phases, self._carriers, self._projector, self._orders)

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.edge_depth import fringe_edges
+from moire_sensor.edge_input import check_numbers
 from moire_sensor.errors import ImageError, PatternError, SettingsError
 from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_carrier import Float32
@@ -146,8 +147,4 @@ def check_choices(depth_range_m: tuple[float, float], method: str, saturation_le
     """Raise SettingsError for a choice that cannot work."""
     if method not in METHODS:
         raise SettingsError(f"method is {method!r}; it must be one of {', '.join(METHODS)}")
-    nearest, farthest = depth_range_m
-    if not (np.isfinite(farthest) and 0.0 < nearest < farthest):
-        raise SettingsError(f"depth_range_m is {depth_range_m}; give (nearest, farthest) with 0 < nearest < farthest")
-    if not (np.isfinite(saturation_level) and 1.0 <= saturation_level <= 65535.0):
-        raise SettingsError(f"saturation_level is {saturation_level}; allowed is 1 to 65535 grey levels")
+    check_numbers(depth_range_m, saturation_level)
