@@ -29,6 +29,11 @@ MAX_CONDITION = 1e3
 MIN_FREEDOM = 1e-6
 
 
+def needed_frames(step_count: int) -> int:
+    """Return the frames of one motion-compensated result: steps + 1, made odd so that one is in the middle."""
+    return 1 if step_count == 1 else step_count + 1 + step_count % 2
+
+
 @dataclass(frozen=True, eq=False)
 class StepFilter:
     """Linear filters over the frames for one sequence of step phases.

@@ -11,7 +11,7 @@ from moire_sensor.errors import ImageError, PatternError, SettingsError
 from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_pipeline import PhasePipeline
-from moire_sensor.phase_steps import StepFilter
+from moire_sensor.phase_steps import StepFilter, needed_frames
 from moire_sensor.reference_depth import reference_plane
 from moire_sensor.rig import StereoRig
 from moire_sensor.settings import Settings
@@ -70,8 +70,7 @@ class Reconstructor:
     @property
     def frames_needed(self) -> int:
         """Frames of one result: 1, or for N steps N + 1 made odd, so that a frame lies in the middle."""
-        steps = self.pattern.step_count
-        return steps + 1 + steps % 2 if self.method == "phase_shift" else 1
+        return needed_frames(self.pattern.step_count) if self.method == "phase_shift" else 1
 
     def warm_up(self) -> None:
         """Compile or load every kernel, so that the first real frame is as fast as the rest."""

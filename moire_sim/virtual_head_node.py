@@ -13,11 +13,11 @@ from std_srvs.srv import SetBool, Trigger
 from moire_sensor.errors import SettingsError
 from moire_sensor.paper_rig import PERIOD_PX, PROJECTOR_SIZE
 from moire_sensor.pattern import MIN_PERIOD_PX, WAVEFORMS, FringePattern
+from moire_sensor.phase_steps import needed_frames
 from moire_sensor.resources import resource_path
 from moire_sensor.ros.camera_messages import FRAMES
 from moire_sensor.ros.diagnostics import OK, WARN, DiagnosticsPublisher, status_of
 from moire_sensor.ros.executable import run_node
-from moire_sensor.ros.frame_ring import needed_frames
 from moire_sensor.ros.head_publisher import HeadPublisher
 from moire_sensor.ros.image_messages import image_message
 from moire_sensor.ros.parameters import ParameterSpec, declare, refuse_unknown

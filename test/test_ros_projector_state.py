@@ -11,8 +11,9 @@ from std_msgs.msg import Header
 from moire_sensor.errors import PatternError
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.pattern import FringePattern
+from moire_sensor.phase_steps import needed_frames
 from moire_sensor.reconstructor import Reconstructor
-from moire_sensor.ros.frame_ring import Frame, FrameRing, needed_frames, pattern_of
+from moire_sensor.ros.frame_ring import Frame, FrameRing, pattern_of
 from moire_sensor.ros.projector_state import (
     REQUIRED,
     ProjectorState,

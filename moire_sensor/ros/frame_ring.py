@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Generic, TypeVar
 
 from moire_sensor.pattern import FringePattern
+from moire_sensor.phase_steps import needed_frames
 from moire_sensor.ros.projector_state import ProjectorState
 
 Item = TypeVar("Item")
@@ -20,11 +21,6 @@ class Frame(Generic[Item]):
     stamp_ns: int
     state: ProjectorState
     item: Item
-
-
-def needed_frames(step_count: int) -> int:
-    """Return the frames of one motion-compensated result: steps + 1, made odd so that one is in the middle."""
-    return 1 if step_count == 1 else step_count + 1 + step_count % 2
 
 
 class FrameRing(Generic[Item]):

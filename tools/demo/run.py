@@ -18,7 +18,7 @@ from moire_sensor.errors import MoireError
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.reconstructor import Reconstructor
 from moire_sensor.ros.executable import use_large_message_profile
-from moire_sensor.ros.frame_ring import needed_frames
+from moire_sensor.phase_steps import needed_frames
 from moire_sim import VirtualHead, scene_names
 from moire_sim.capture import HeadCapture
 from tools.demo.pictures import View, draw_overview
