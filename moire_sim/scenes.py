@@ -10,6 +10,7 @@ import numpy as np
 
 from moire_sensor.paper_rig import REFERENCE_DEPTH_M
 from moire_sim.errors import SceneError
+from moire_sim.indoor_scenes import corridor_with_boxes, doorway, table_edge
 from moire_sim.meshes import Array, Body, board, box, sheet, upright_cylinder
 
 # Wide enough to fill the views at all depths and within the neck's usual turns.
@@ -97,6 +98,9 @@ SCENES: dict[str, Scene] = {
     "free_form": Scene(free_form, {"distance_m": Option(1.1, 0.6, 1.5), "amplitude_m": Option(0.04, 0.0, 0.08)}),
     "cylinder_and_box": Scene(cylinder_and_box, {}),
     "room": Scene(room, {}),
+    "corridor_with_boxes": Scene(corridor_with_boxes, {"boxes": Option(2.0, 0.0, 2.0)}),
+    "doorway": Scene(doorway, {"bin_m": Option(0.3, 0.0, 1.0)}),
+    "table_edge": Scene(table_edge, {"distance_m": Option(0.9, 0.6, 1.5)}),
 }
 
 

@@ -15,7 +15,7 @@ from moire_sensor.errors import ImageError, SettingsError
 from moire_sensor.paper_rig import FX_PX, PROJECTOR_SIZE, paper_rig
 from moire_sensor.rig import StereoRig
 from moire_sensor.ros.camera_messages import camera_infos
-from moire_sensor.ros.cloud_messages import cloud_message, navigation_cloud, organised_cloud
+from moire_sensor.ros.cloud_messages import cloud_message, organised_cloud
 from moire_sensor.ros.image_messages import grey_image, image_message
 from moire_sensor.ros.shot_messages import background_image, depth_camera_info, depth_image, disparity_message
 
@@ -201,37 +201,6 @@ def test_organised_cloud_is_aligned_with_the_image_and_honest_about_nan() -> Non
     assert all(np.isnan(fields_of(holey)[3, 5][name]) for name in "xyz")
 
 
-def slow_voxels(points: np.ndarray[Any, Any], voxel_m: float, min_points: int) -> dict[tuple[int, ...], Any]:
-    """The obvious way, point by point."""
-    cells: dict[tuple[int, ...], list[Any]] = {}
-    for point in points:
-        if np.isfinite(point).all():
-            cells.setdefault(tuple(np.floor(point[:3] / np.float32(voxel_m)).astype(int)), []).append(point)
-    return {cell: np.mean(held, axis=0) for cell, held in cells.items() if len(held) >= min_points}
-
-
-@pytest.mark.parametrize("voxel_m", [0.05, 0.0007])
-def test_navigation_cloud_equals_the_obvious_way(voxel_m: float) -> None:
-    rng = np.random.default_rng(1)
-    cloud = rng.uniform(-0.5, 0.5, (40, 50, 4)).astype(np.float32)
-    cloud[..., :3] = np.round(cloud[..., :3], 1)
-    cloud[rng.random((40, 50)) < 0.2, :3] = np.nan
-    kept = navigation_cloud(cloud, np.ones((40, 50), dtype=bool), voxel_m, 2)
-    expected = slow_voxels(cloud.reshape(-1, 4), voxel_m, 2)
-    assert kept.shape == (1, len(expected), 4)
-    assert np.isfinite(kept).all()
-    order = np.lexsort(np.round(kept[0, :, :3], 3).T)
-    wanted = np.array(list(expected.values()))
-    np.testing.assert_allclose(kept[0][order], wanted[np.lexsort(np.round(wanted[:, :3], 3).T)], atol=1e-5)
-
-
-def test_navigation_cloud_leaves_out_lone_and_distrusted_points() -> None:
-    cloud = np.zeros((1, 5, 4), dtype=np.float32)
-    cloud[0, :, 2] = [1.0, 1.001, 2.0, 3.0, 3.001]
-    trusted = np.array([[True, True, True, True, False]])
-    kept = navigation_cloud(cloud, trusted, 0.02, 2)
-    assert kept.shape == (1, 1, 4)
-    assert kept[0, 0, 2] == pytest.approx(1.0005)
-    empty = navigation_cloud(cloud, np.zeros((1, 5), dtype=bool), 0.02, 1)
-    message = cloud_message(HEADER, empty)
-    assert (message.width, len(message.data), message.is_dense) == (0, 0, True)
+def test_an_empty_cloud_is_a_whole_message() -> None:
+    message = cloud_message(HEADER, np.empty((1, 0, 4), dtype=np.float32))
+    assert (message.height, message.width, len(message.data), message.is_dense) == (1, 0, 0, True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from moire_sensor.errors import SettingsError
+from moire_sensor.nav_cloud import NavSettings
 from moire_sensor.reconstructor import DEFAULT_DEPTH_RANGE_M, METHODS, Reconstructor
 from moire_sensor.ros.parameters import ParameterSpec, specs_of
 from moire_sensor.ros.shot_messages import DEPTH_ENCODINGS
@@ -34,9 +35,6 @@ SPECS = (
     ParameterSpec(
         "depth_encoding", DEPTH_ENCODINGS[0], "32FC1: m, NaN unknown; 16UC1: mm, 0 unknown", choices=DEPTH_ENCODINGS
     ),
-    ParameterSpec("nav_voxel_m", 0.02, "edge of a voxel of points_nav, m", 0.001, 1.0),
-    ParameterSpec("nav_min_points", 3, "points that a voxel of points_nav needs to count", 1, 10000),
-    ParameterSpec("nav_min_confidence", 0.2, "least confidence of a pixel in points_nav", 0.0, 1.0),
     ParameterSpec("diagnostics_period_s", 1.0, "time between diagnostics, s", 0.05, 60.0, read_only=True),
     ParameterSpec(
         "queue_depth", 2, "sets that may wait while one is worked on; the oldest give way", 1, 1000, read_only=True
@@ -47,6 +45,7 @@ SPECS = (
         "subscribe reliable with depth 10 instead of sensor data with depth 5, so that nothing is lost",
         read_only=True,
     ),
+    *specs_of(NavSettings),
     *specs_of(Settings),
 )
 
@@ -72,9 +71,7 @@ class OutputSettings:
     """How results are written into messages."""
 
     depth_encoding: str
-    nav_voxel_m: float
-    nav_min_points: int
-    nav_min_confidence: float
+    nav: NavSettings
 
 
 def read_settings(values: Mapping[str, Any]) -> tuple[SensorSettings, OutputSettings]:
@@ -86,6 +83,7 @@ def read_settings(values: Mapping[str, Any]) -> tuple[SensorSettings, OutputSett
         A combination that cannot work, such as a nearest depth beyond the farthest.
     """
     core = Settings(**{item.name: values[item.name] for item in fields(Settings)})
+    nav = NavSettings(**{item.name: values[item.name] for item in fields(NavSettings)})
     sensor = SensorSettings(
         values["method"], values["min_depth_m"], values["max_depth_m"], values["saturation_level"], core
     )
@@ -94,4 +92,4 @@ def read_settings(values: Mapping[str, Any]) -> tuple[SensorSettings, OutputSett
         raise SettingsError(
             f"min_depth_m is {near_m:g} and max_depth_m {far_m:g}; the nearest must be the smaller: set both"
         )
-    return sensor, OutputSettings(**{item.name: values[item.name] for item in fields(OutputSettings)})
+    return sensor, OutputSettings(values["depth_encoding"], nav)

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
+from moire_sensor.nav_cloud import clearing_cloud, obstacle_cloud
 from moire_sensor.reconstructor import Reconstructor
-from moire_sensor.ros.cloud_messages import cloud_message, navigation_cloud, organised_cloud
+from moire_sensor.ros.cloud_messages import cloud_message, organised_cloud
 from moire_sensor.ros.image_messages import image_message
 from moire_sensor.ros.reconstruction_settings import OutputSettings
 from moire_sensor.ros.shot_messages import background_image, depth_camera_info, depth_image, disparity_message
-from moire_sensor.shot import Shot, Status
+from moire_sensor.shot import Shot
 
 TOPICS: dict[str, Any] = {
     "depth/image_rect": Image,
@@ -28,8 +27,10 @@ TOPICS: dict[str, Any] = {
     "background/image_rect": Image,
     "points": PointCloud2,
     "points_nav": PointCloud2,
+    "points_nav_clearing": PointCloud2,
     "disparity": DisparityImage,
 }
+CLOUDS = ("points", "points_nav", "points_nav_clearing")
 
 
 def result_messages(
@@ -47,7 +48,7 @@ def result_messages(
         "disparity": lambda: disparity_message(header, sensor.rig, shot.disparity_px, sensor.depth_range_m),
     }
     yield from ((topic, make()) for topic, make in results.items() if topic in wanted)
-    if "points" in wanted or "points_nav" in wanted:
+    if any(topic in wanted for topic in CLOUDS):
         yield from cloud_messages(header, sensor, shot, output, wanted)
 
 
@@ -59,11 +60,6 @@ def cloud_messages(
     if "points" in wanted:
         yield "points", cloud_message(header, cloud)
     if "points_nav" in wanted:
-        kept = navigation_cloud(cloud, trusted(shot, output), output.nav_voxel_m, output.nav_min_points)
-        yield "points_nav", cloud_message(header, kept)
-
-
-def trusted(shot: Shot, output: OutputSettings) -> npt.NDArray[np.bool_]:
-    """Return the pixels (H, W) whose depth a costmap may take as an obstacle."""
-    good = (shot.status == Status.OK) | (shot.status == Status.FROM_SINGLE_SHOT)
-    return np.asarray(good & (shot.confidence >= output.nav_min_confidence))
+        yield "points_nav", cloud_message(header, obstacle_cloud(cloud, shot, output.nav))
+    if "points_nav_clearing" in wanted:
+        yield "points_nav_clearing", cloud_message(header, clearing_cloud(cloud, shot, output.nav))
