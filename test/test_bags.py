@@ -16,7 +16,9 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header, String
 
 from moire_sensor.errors import CaptureError, SettingsError
-from moire_sensor.ros.bag_player import BagPlayer, header_stamp_ns, read_messages
+from moire_sensor.ros.bag_message import header_stamp_ns
+from moire_sensor.ros.bag_player import BagPlayer
+from moire_sensor.ros.bag_reader import read_messages
 from moire_sensor.ros.bag_recorder import BagRecorder
 from moire_sensor.ros.bag_topics import HEAD_TOPICS, RESULT_TOPICS, topics_named
 

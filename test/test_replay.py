@@ -10,7 +10,9 @@ from ros_process import ros_node, spin_until, start, stop
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
-from moire_sensor.ros.bag_player import BagMessage, BagPlayer, header_stamp_ns, read_messages
+from moire_sensor.ros.bag_message import BagMessage, header_stamp_ns
+from moire_sensor.ros.bag_player import BagPlayer
+from moire_sensor.ros.bag_reader import read_messages
 from moire_sensor.ros.bag_topics import HEAD_TOPICS
 from tools.demo.record import Run, record
 

@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
-from moire_sensor.ros.bag_player import header_stamp_ns
+from moire_sensor.ros.bag_message import header_stamp_ns
 from moire_sensor.ros.bag_recorder import BagRecorder
 from moire_sensor.ros.bag_topics import topics_named
 from moire_sensor.ros.reconstruction_report import GATHERING, RECONSTRUCTED, REFUSED, SUPERSEDED, UNWATCHED

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from rosbags.typesys import Stores, get_typestore
 
 from moire_sensor.capture_folder import Capture
-from moire_sensor.ros.bag_player import read_messages
+from moire_sensor.ros.bag_reader import read_messages
 from moire_sim.capture import HeadCapture
 from moire_sim.score import Score, score_depth
 from tools.demo.record import DEPTH_TOPIC, DemoError, Recording
