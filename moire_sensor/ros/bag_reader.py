@@ -105,7 +105,11 @@ class Bag:
             if not (self.path / name).is_file():
                 self.damages.append(f"{name} is missing")
         listed = [self.path / name for name in metadata.files if (self.path / name).is_file()]
-        return listed or storage_files(self.path)
+        if not listed:
+            return storage_files(self.path)
+        broken_off = [path for path in storage_files(self.path) if path.parent != self.path]
+        self.damages.extend(f"{path.name} was broken off while it was written" for path in broken_off)
+        return listed + broken_off
 
     def _open(self, path: Path) -> None:
         """Open one storage file; what is wrong with it is noted."""

@@ -63,6 +63,12 @@ def message_class(type_name: str) -> Any:
         raise SettingsError(f"message type {type_name} is not installed; source the workspace that has it") from error
 
 
+def type_name_of(message: Any) -> str:
+    """Return the name of a message class, such as ``"sensor_msgs/msg/Image"``."""
+    package, _, kind = message.__module__.partition(".")
+    return f"{package}/{kind.partition('.')[0]}/{message.__name__}"
+
+
 def topics_named(text: str) -> tuple[BagTopic, ...]:
     """Return the topics of names separated by spaces or commas; "head" and "results" name whole groups.
 

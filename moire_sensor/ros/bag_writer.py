@@ -1,0 +1,233 @@
+"""Writes a rosbag2 folder in parts: what is committed stays readable whatever happens afterwards."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from rclpy.qos import QoSProfile
+from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.errors import WriterError
+from rosbags.typesys import Stores, get_typestore
+
+from moire_sensor.errors import CaptureError, SettingsError
+from moire_sensor.ros.bag_metadata import FILE, ROOT, load
+from moire_sensor.ros.bag_reader import storage_files
+
+BAG_VERSION: Literal[9] = 9  # of ROS 2 Jazzy
+STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
+MEGABYTE = 1 << 20
+# So much is written between two looks at the free space.
+LOOK_AFTER_BYTES = 4 * MEGABYTE
+
+
+class DiskFullError(CaptureError):
+    """The disk has no room for more; what was written is complete once the writer is closed."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """``part_bytes``: size from which a part is complete; ``reserve_bytes``: free space that is left on the disk."""
+
+    part_bytes: int = 1024 * MEGABYTE
+    reserve_bytes: int = 64 * MEGABYTE
+
+
+class BagWriter:
+    """One bag, written part by part; :meth:`commit` completes a part, and only whole parts belong to the bag.
+
+    A part grows in a folder of its own inside the bag's, is moved up, and then named in metadata.yaml, which is
+    replaced in one step. A folder whose bag was broken off can be opened again with ``resume``.
+
+    Parameters
+    ----------
+    folder : the bag; must not exist unless ``resume``.
+    storage : ``"mcap"`` or ``"sqlite3"``.
+    limits : when a part is complete, and when the disk counts as full.
+
+    Raises
+    ------
+    SettingsError
+        The folder exists or cannot be written.
+    """
+
+    def __init__(self, folder: Path, storage: str = "mcap", limits: Limits | None = None, resume: bool = False) -> None:
+        self.folder = folder
+        self._limits = limits or Limits()
+        self._storage = storage
+        self._typestore = get_typestore(Stores.ROS2_JAZZY)
+        self._connections: dict[str, Connection] = {}
+        self._part: Writer | None = None
+        self._written = self._looked = 0
+        try:
+            folder.mkdir(parents=True, exist_ok=resume)
+            self._information: dict[str, Any] = load(folder) if (folder / FILE).exists() else {}
+            self._remove_leftovers()
+            self._look_at_space()
+        except OSError as error:
+            raise SettingsError(f"cannot write a bag to {folder}: {error}; choose a new folder") from error
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the part is as large as it should become."""
+        return self._written >= self._limits.part_bytes
+
+    def knows(self, type_name: str) -> bool:
+        """Tell whether a message type is one of ROS 2 Jazzy, whose definition goes into the bag."""
+        return type_name in self._typestore.fielddefs
+
+    def write(self, topic: str, type_name: str, qualities: Sequence[QoSProfile], time_ns: int, data: bytes) -> None:
+        """Append a serialised message; ``qualities`` are what its publishers offer.
+
+        Raises
+        ------
+        DiskFullError
+            Less space is left than the limits say; nothing of this message was written.
+        CaptureError
+            The file cannot be written; the part is broken off, the ones before it are whole.
+        """
+        if self._written - self._looked >= LOOK_AFTER_BYTES or self._part is None:
+            self._look_at_space()
+        try:
+            connection = self._connections.get(topic) or self._connect(topic, type_name, qualities)
+            if self._part is not None:
+                self._part.write(connection, time_ns, data)
+        except (OSError, sqlite3.Error, WriterError) as error:
+            raise self._lost(error) from error
+        self._written += len(data)
+
+    def commit(self, custom: dict[str, str] | None = None) -> None:
+        """Complete the part, and name it in the metadata, with ``custom`` texts; raises CaptureError."""
+        try:
+            if self._part is not None or not self._information:
+                part = self._part or self._begin()
+                part.close()
+                self._adopt(part.path)
+            if custom:
+                self._information["custom_data"] = custom
+            self._write_metadata()
+        except (OSError, sqlite3.Error, WriterError) as error:
+            raise self._lost(error) from error
+        self._part = None
+        self._connections.clear()
+        self._written = self._looked = 0
+
+    def abandon(self) -> None:
+        """Drop the part that is not committed, and give its space back."""
+        self._break_off()
+        self._remove_leftovers()
+
+    def _begin(self) -> Writer:
+        """Begin a part."""
+        number = len(self._information.get("files", ()))
+        path = self.folder / f"{self.folder.name}_{number}"
+        self._part = Writer(path, version=BAG_VERSION, storage_plugin=STORAGES[self._storage])
+        self._part.open()
+        return self._part
+
+    def _connect(self, topic: str, type_name: str, qualities: Sequence[QoSProfile]) -> Connection:
+        """Return the connection of a topic in the current part, which is begun if need be."""
+        part = self._part or self._begin()
+        offered = [bag_quality(quality) for quality in qualities]
+        connection = part.add_connection(topic, type_name, typestore=self._typestore, offered_qos_profiles=offered)
+        self._connections[topic] = connection
+        return connection
+
+    def _adopt(self, part: Path) -> None:
+        """Move the file of a complete part into the bag, and add what it holds to the bag's metadata."""
+        added = load(part)
+        (name,) = added["relative_file_paths"]
+        (part / name).replace(self.folder / name)
+        shutil.rmtree(part)
+        self._information = merged(self._information, added) if self._information else added
+
+    def _write_metadata(self) -> None:
+        path = self.folder / FILE
+        draft = path.with_suffix(".tmp")
+        draft.write_text(yaml.safe_dump({ROOT: self._information}, sort_keys=False), encoding="utf-8")
+        draft.replace(path)
+
+    def _remove_leftovers(self) -> None:
+        """Remove parts that were broken off, and one that was moved but not named yet."""
+        named = {self.folder / name for name in self._information.get("relative_file_paths", ())}
+        for path in storage_files(self.folder):
+            if path.parent != self.folder:
+                shutil.rmtree(path.parent)
+            elif path not in named:
+                path.unlink()
+
+    def _look_at_space(self) -> None:
+        self._looked = self._written
+        free = shutil.disk_usage(self.folder).free
+        if free < self._limits.reserve_bytes:
+            raise DiskFullError(
+                f"the disk of {self.folder} is full: {free // MEGABYTE} MB are left of the "
+                f"{self._limits.reserve_bytes // MEGABYTE} MB kept free; what was written before is complete"
+            )
+
+    def _lost(self, error: Exception) -> CaptureError:
+        """Break off the part that could not be written, and say so."""
+        self._break_off()
+        files = len(self._information.get("files", ()))
+        return CaptureError(
+            f"cannot write to the bag {self.folder}: {error}; its {files} complete parts are whole, what follows is "
+            "readable as far as it goes: free space, or choose another disk"
+        )
+
+    def _break_off(self) -> None:
+        """Close the file of the current part as it is."""
+        part, self._part = self._part, None
+        self._connections.clear()
+        if part is not None:
+            # Closing writes what is left in the buffer, which fails on a full disk as well.
+            with suppress(OSError, sqlite3.Error):
+                part.abort()
+
+
+def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    """Return the metadata of a bag of several parts: those so far, and one more."""
+    files = [*old["files"], *new["files"]]
+    spans = [
+        (start := file["starting_time"]["nanoseconds_since_epoch"], start + file["duration"]["nanoseconds"])
+        for file in files
+    ]
+    begin, end = min(start for start, _ in spans), max(end for _, end in spans)
+    topics: dict[str, dict[str, Any]] = {}
+    for entry in (*old["topics_with_message_count"], *new["topics_with_message_count"]):
+        known = topics.setdefault(entry["topic_metadata"]["name"], {**entry, "message_count": 0})
+        known["message_count"] += entry["message_count"]
+    return {
+        **old,
+        "relative_file_paths": [*old["relative_file_paths"], *new["relative_file_paths"]],
+        "files": files,
+        "starting_time": {"nanoseconds_since_epoch": begin},
+        "duration": {"nanoseconds": end - begin},
+        "message_count": old["message_count"] + new["message_count"],
+        "topics_with_message_count": list(topics.values()),
+    }
+
+
+def bag_quality(quality: QoSProfile) -> Qos:
+    """Return an offered quality of service as the bag's metadata holds it."""
+    durations = [
+        QosTime(*divmod(duration.nanoseconds, 10**9))
+        for duration in (quality.deadline, quality.lifespan, quality.liveliness_lease_duration)
+    ]
+    return Qos(
+        history=QosHistory[quality.history.name],
+        depth=quality.depth,
+        reliability=QosReliability[quality.reliability.name],
+        durability=QosDurability[quality.durability.name],
+        deadline=durations[0],
+        lifespan=durations[1],
+        liveliness=QosLiveliness[quality.liveliness.name],
+        liveliness_lease_duration=durations[2],
+        avoid_ros_namespace_conventions=quality.avoid_ros_namespace_conventions,
+    )
