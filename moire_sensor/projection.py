@@ -13,6 +13,8 @@ from moire_sensor.errors import RigError
 
 Array = npt.NDArray[np.float64]
 MIN_SIDE_PX = 16
+# Larger images than any camera we know gives are taken for a damaged message or file.
+MAX_SIDE_PX = 16384
 LENS_SIZES = (0, 4, 5, 8, 12, 14)
 # Share of the volume that the rows of a matrix of their lengths could span; a real device has 0.1 to 1.
 SINGULAR = 1e-9
@@ -21,13 +23,16 @@ SAME_SCALE = 1e-12
 
 
 def check_image_size(image_size: Sequence[int], name: str = "image_size") -> tuple[int, int]:
-    """Return (width, height) in pixels, or raise RigError unless they are two whole numbers of at least 16."""
+    """Return (width, height) in pixels, or raise RigError unless they are two whole numbers of 16 to 16384."""
     try:
         sides = tuple(float(side) for side in image_size)
     except (TypeError, ValueError):
         sides = ()
-    if len(sides) != 2 or not all(side.is_integer() and side >= MIN_SIDE_PX for side in sides):
-        raise RigError(f"{name} is {image_size}; give (width, height), whole numbers of at least {MIN_SIDE_PX} pixels")
+    if len(sides) != 2 or not all(side.is_integer() and MIN_SIDE_PX <= side <= MAX_SIDE_PX for side in sides):
+        raise RigError(
+            f"{name} is {image_size}; give (width, height), whole numbers of at least {MIN_SIDE_PX} pixels and at most "
+            f"{MAX_SIDE_PX}"
+        )
     return int(sides[0]), int(sides[1])
 
 

@@ -8,8 +8,10 @@ import sysconfig
 from pathlib import Path
 
 import pytest
-from ros_head import running
-from ros_process import TIMEOUT_S
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from ros_head import Listener, running
+from ros_process import TIMEOUT_S, ros_node
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 BAD = {
@@ -77,3 +79,20 @@ def test_a_signal_ends_a_ready_node_with_0_and_no_traceback(name: str, number: s
     with running(name, number=number) as process:
         assert process.stdout is not None
         assert any("ready" in line for line in process.stdout), "the node ended before it was ready"
+
+
+def test_a_managed_node_says_in_its_log_why_it_cannot_be_activated() -> None:
+    process = running("reconstruction", "autostart:=false", "qos_overrides./head/nowhere.subscription.depth:=3")
+    with process as child, ros_node("asker") as node:
+        asker = Listener(node)
+
+        def change(transition: int) -> bool:
+            request = ChangeState.Request(transition=Transition(id=transition))
+            return bool(asker.call(ChangeState, "reconstruction/change_state", request).success)
+
+        assert change(Transition.TRANSITION_CONFIGURE)
+        assert not change(Transition.TRANSITION_ACTIVATE)
+        answer = asker.call(GetState, "reconstruction/get_state", GetState.Request())
+        assert answer.current_state.id == State.PRIMARY_STATE_INACTIVE
+        assert child.stdout is not None
+        assert any("activate failed: unknown parameter qos_overrides" in line for line in child.stdout)

@@ -247,7 +247,7 @@ def set_parameter(head: TestHead, name: str, value: Any) -> Any:
         ("method", "magic", "allowed are dense, phase_shift"),
         ("min_depth_m", 3.0, "the nearest must be the smaller"),
         ("min_depth_m", -1.0, "range"),
-        ("queue_depth", 5, "read-only"),
+        ("reliable_input", False, "read-only"),
     ],
 )
 def test_a_bad_value_is_rejected_at_run_time_with_the_reason(head: TestHead, name: str, value: Any, says: str) -> None:

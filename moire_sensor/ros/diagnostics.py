@@ -7,7 +7,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from moire_sensor.ros.qos import publisher_qos
+from moire_sensor.ros.qos import destroy_publisher, publisher_maker, publisher_qos
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -17,7 +17,11 @@ class DiagnosticsPublisher:
 
     def __init__(self, node: Any) -> None:
         self._node = node
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", publisher_qos())
+        self._publisher = publisher_maker(node)(DiagnosticArray, "/diagnostics", publisher_qos())
+
+    def close(self) -> None:
+        """Give the publisher back."""
+        destroy_publisher(self._node, self._publisher)
 
     def publish(self, statuses: list[DiagnosticStatus]) -> None:
         """Stamp and send the statuses; adds node name and hardware id."""

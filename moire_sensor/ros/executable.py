@@ -45,8 +45,9 @@ def let_idle_threads_sleep() -> None:
 def run_node(make_node: Callable[[], Any], usage: str) -> int:
     """Make a node, spin it until a signal comes or its work is done, and return the exit code.
 
-    ``usage`` is printed for --help. A node may have ``finished()``, asked after each callback, and ``close()``,
-    called at the end. An error that a user can cause is printed as one line and gives 1.
+    ``usage`` is printed for --help. A node may have ``finished()``, asked after each callback, and ``close()``, called
+    at the end; where it has ``stop_asked``, that is set to a function that tells of a signal. An error that a user can
+    cause is printed as one line and gives 1.
     """
     if sys.argv[1:] in (["-h"], ["--help"]):
         print(usage.strip())
@@ -59,6 +60,8 @@ def run_node(make_node: Callable[[], Any], usage: str) -> int:
         initialise(sys.argv)
         node = make_node()
         stop.raises = False
+        if hasattr(node, "stop_asked"):
+            node.stop_asked = lambda: stop.asked
         _spin(node, stop)
     except KeyboardInterrupt:
         pass

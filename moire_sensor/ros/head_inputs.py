@@ -2,71 +2,46 @@
 
 from __future__ import annotations
 
-from collections import deque
+import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSCompatibility, QoSDurabilityPolicy, QoSProfile, qos_check_compatible
-from sensor_msgs.msg import CameraInfo, Image, JointState
+from sensor_msgs.msg import CameraInfo, Image
 
+from moire_sensor.ros.head_sets import INFO_TOPICS, STREAM_TOPICS, HeadSets, Taker, stamp_ns
+from moire_sensor.ros.image_messages import MAX_IMAGE_BYTES
 from moire_sensor.ros.qos import input_qos, latched_qos, overridable
-from moire_sensor.ros.sensor_cache import Calibration, calibration_of
-from moire_sensor.ros.set_matcher import MatchedSet, SetMatcher
+from moire_sensor.ros.silence import SilenceWatch
 
-STREAMS = ("left", "right", "state")
-STREAM_TOPICS: dict[str, tuple[str, Any]] = {
-    "left": ("left/image_raw", Image),
-    "right": ("right/image_raw", Image),
-    "state": ("projector/state", JointState),
-}
-# Sets that came before the camera infos; at 30 Hz the infos may come a third of a second late.
-HELD_SETS = 10
-INFO_TOPICS = {device: f"{device}/camera_info" for device in ("left", "right", "projector")}
-NANOSECONDS = 1_000_000_000
 LATCHED = QoSDurabilityPolicy.TRANSIENT_LOCAL
 Handler = Callable[[Any], None]
-Taker = Callable[[MatchedSet[Any], Calibration | None], None]
-
-
-def stamp_ns(message: Any) -> int:
-    """Return the stamp of a stamped message in nanoseconds."""
-    return int(message.header.stamp.sec) * NANOSECONDS + int(message.header.stamp.nanosec)
+Refuser = Callable[[str, str], None]
 
 
 class HeadInputs:
     """Subscribe to a head; ``take`` is called with each whole set, in the executor's thread.
 
-    With the set comes the calibration in force, None where a camera info is still missing after a while.
+    With the set comes the calibration in force, None where a camera info is still missing after a while. ``refuse`` is
+    called with reason and text for a message that is not even kept.
     """
 
-    def __init__(self, node: Any, reliable: bool, take: Taker) -> None:
-        self.matcher: SetMatcher[Any] = SetMatcher(STREAMS)
+    def __init__(self, node: Any, reliable: bool, take: Taker, refuse: Refuser) -> None:
+        self.sets = HeadSets(take)
         self._node = node
+        self._refuse = refuse
+        self._subscriptions: list[Any] = []
+        self._silence = SilenceWatch(STREAM_TOPICS)
         self._incompatible: dict[str, tuple[str, QoSProfile]] = {}
-        self._take = take
-        self._infos: dict[str, CameraInfo] = {}
-        self._calibration: Calibration | None = None
-        self._held: deque[MatchedSet[Any]] = deque()
         # Infos first: of messages that wait together, the executor handles the earlier subscription's first.
         for device, topic in INFO_TOPICS.items():
-            callback = self._info_callback(device)
+            callback = partial(self.sets.add_info, device)
             matched = self._latched_listener(node, topic, callback)
             self._subscribe(node, CameraInfo, topic, input_qos(reliable), callback, matched)
         for stream, (topic, kind) in STREAM_TOPICS.items():
             self._subscribe(node, kind, topic, input_qos(reliable), self._stream_callback(stream))
-
-    @property
-    def missing_infos(self) -> list[str]:
-        """Topics of the camera infos that have not come yet."""
-        return [topic for device, topic in INFO_TOPICS.items() if device not in self._infos]
-
-    @property
-    def calibration(self) -> Calibration | None:
-        """The camera infos in force, None while one is missing."""
-        if self._calibration is None and not self.missing_infos:
-            self._calibration = calibration_of(self._infos)
-        return self._calibration
 
     def incompatible(self) -> dict[str, str]:
         """Return the policy that keeps a publisher, still there, from reaching this node, by topic."""
@@ -79,10 +54,22 @@ class HeadInputs:
             )
         }
 
-    def clear(self, reason: str) -> None:
-        """Forget what was not matched yet."""
-        self.matcher.clear(reason)
-        self._held.clear()
+    def silent(self, after_s: float) -> list[str]:
+        """Return the full names of the topics that the others have run ahead of for ``after_s`` seconds."""
+        streams = self._silence.silent(after_s, time.monotonic())
+        return [self._node.resolve_topic_name(STREAM_TOPICS[stream][0]) for stream in streams]
+
+    def unpublished(self) -> list[str]:
+        """Return the full names of the topics, infos too, that nobody publishes."""
+        topics = [*(topic for topic, _ in STREAM_TOPICS.values()), *INFO_TOPICS.values()]
+        names = [self._node.resolve_topic_name(topic) for topic in topics]
+        return [name for name in names if not self._node.count_publishers(name)]
+
+    def close(self) -> None:
+        """End all subscriptions."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions.clear()
 
     def _subscribe(
         self, node: Any, kind: Any, topic: str, qos: Any, callback: Handler, matched: Handler | None = None
@@ -95,7 +82,7 @@ class HeadInputs:
                 f"set qos_overrides.{node.resolve_topic_name(topic)}.subscription.{policy} to match"
             )
 
-        node.create_subscription(
+        subscription = node.create_subscription(
             kind,
             topic,
             callback,
@@ -103,6 +90,7 @@ class HeadInputs:
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=report, matched=matched),
             qos_overriding_options=overridable(),
         )
+        self._subscriptions.append(subscription)
 
     def _latched_listener(self, node: Any, topic: str, callback: Handler) -> Handler:
         """Return a callback that listens to old messages too, once a publisher that keeps them is there.
@@ -116,28 +104,19 @@ class HeadInputs:
             publishers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
             if not listening and any(one.qos_profile.durability == LATCHED for one in publishers):
                 listening.append(node.create_subscription(CameraInfo, topic, callback, latched_qos()))
+                self._subscriptions.append(listening[0])
 
         return listen
 
     def _stream_callback(self, stream: str) -> Handler:
+        topic = STREAM_TOPICS[stream][0]
+
         def take_message(message: Any) -> None:
-            matched = self.matcher.add(stream, stamp_ns(message), message)
-            if matched is not None:
-                self._held.append(matched)
-                self._release()
+            self._silence.note(stream, stamp_ns(message), time.monotonic())
+            size = len(message.data) if isinstance(message, Image) else len(message.name) + len(message.position)
+            if size > MAX_IMAGE_BYTES:
+                self._refuse("too large", f"{topic} is {size} long; at most {MAX_IMAGE_BYTES} is kept")
+                return
+            self.sets.add(stream, message)
 
         return take_message
-
-    def _info_callback(self, device: str) -> Handler:
-        def take_info(message: CameraInfo) -> None:
-            self._infos[device] = message
-            self._calibration = None
-            self._release()
-
-        return take_info
-
-    def _release(self) -> None:
-        """Hand on what is held once all infos are there; before that, only what is too much to hold."""
-        most = HELD_SETS if self.missing_infos else 0
-        while len(self._held) > most:
-            self._take(self._held.popleft(), self.calibration)

@@ -12,13 +12,14 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from moire_sensor.errors import ImageError
+from moire_sensor.projection import MAX_SIDE_PX
 
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 GREY_TYPES: dict[str, np.dtype[Any]] = {"mono8": np.dtype(np.uint8), "mono16": np.dtype(np.uint16)}
 # The encodings that this package publishes, by the array's type.
 ENCODINGS = {"f4": "32FC1", "u1": "8UC1", "u2": "16UC1", "i2": "16SC1"}
-# Larger images than any camera we know gives are taken for a damaged message.
-MAX_SIDE_PX = 16384
+# 64 megapixels of 16 bit: what a node may have to hold of one message, and several of them at once.
+MAX_IMAGE_BYTES = 2 * 64 * 1024 * 1024
 
 
 def byte_array(values: npt.NDArray[Any]) -> array[int]:
@@ -59,6 +60,8 @@ def grey_image(name: str, message: Image) -> GreyImage:
     height, width, step = message.height, message.width, message.step
     if not (1 <= height <= MAX_SIDE_PX and 1 <= width <= MAX_SIDE_PX):
         raise ImageError(f"the {name} image is {width}x{height} pixels; each side must be 1 to {MAX_SIDE_PX}")
+    if step * height > MAX_IMAGE_BYTES:
+        raise ImageError(f"the {name} image has step {step} times height {height}; at most {MAX_IMAGE_BYTES} bytes")
     if step < width * pixel.itemsize or step % pixel.itemsize:
         raise ImageError(
             f"the {name} image has step {step}; {width} pixels of {message.encoding} need a multiple of "

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import (
     QoSDurabilityPolicy,
     QoSHistoryPolicy,
@@ -48,3 +51,14 @@ def input_qos(reliable: bool) -> QoSProfile:
 def overridable() -> QoSOverridingOptions:
     """Let the user override each policy by ``qos_overrides`` parameters."""
     return QoSOverridingOptions(OVERRIDABLE)
+
+
+def publisher_maker(node: Any) -> Any:
+    """Return the node's method that makes publishers; those of a managed node publish only while it is active."""
+    return node.create_lifecycle_publisher if isinstance(node, LifecycleNode) else node.create_publisher
+
+
+def destroy_publisher(node: Any, publisher: Any) -> None:
+    """Give back what ``publisher_maker`` made."""
+    managed = isinstance(node, LifecycleNode)
+    (node.destroy_lifecycle_publisher if managed else node.destroy_publisher)(publisher)

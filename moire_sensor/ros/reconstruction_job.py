@@ -9,11 +9,13 @@ import numpy as np
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
+from moire_sensor.errors import ImageError
 from moire_sensor.reconstructor import Reconstructor
 from moire_sensor.ros.frame_ring import Frame, pattern_of
 from moire_sensor.ros.image_messages import GreyImage, grey_image
 from moire_sensor.ros.reconstruction_settings import OutputSettings, SensorSettings
 from moire_sensor.ros.sensor_cache import Calibration, SensorCache
+from moire_sensor.ros.shot_facts import shot_facts
 from moire_sensor.shot import Shot
 
 
@@ -27,13 +29,20 @@ class Exposure:
 
 @dataclass(frozen=True)
 class Job:
-    """What one result needs; ``header`` is that of the result, with the stamp of the middle frame."""
+    """What one result needs.
+
+    Attributes
+    ----------
+    header : that of the result, with the stamp of the middle frame.
+    taken_s : when the set was whole, seconds of ``time.monotonic``.
+    """
 
     header: Header
     frames: tuple[Frame[Exposure], ...]
     calibration: Calibration
     settings: SensorSettings
     output: OutputSettings
+    taken_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -45,16 +54,7 @@ class Result:
 
     def facts(self) -> dict[str, Any]:
         """Return what the diagnostics show of the last result."""
-        near_m, far_m = self.sensor.depth_range_m
-        return {
-            "unknown share": float(np.isnan(self.shot.depth_m).mean()),
-            "min depth m": near_m,
-            "max depth m": far_m,
-            "method": self.sensor.method,
-            "fringe period px": self.sensor.pattern.period_px,
-            "step count": self.sensor.pattern.step_count,
-            "waveform": self.sensor.pattern.waveform,
-        }
+        return shot_facts(self.sensor, self.shot)
 
 
 def reconstruct(job: Job, cache: SensorCache) -> Result:
@@ -65,22 +65,27 @@ def reconstruct(job: Job, cache: SensorCache) -> Result:
     MoireError
         Images, calibration, pattern or settings that cannot be used.
     """
+    # Images first: what is built for camera infos is as large as they say, and then that is as large as real images.
+    pairs = [grey_pair(frame.item, job.calibration) for frame in job.frames]
     states = tuple(frame.state for frame in job.frames)
     pattern, first_step = pattern_of(states)
     depth_range_m = job.settings.depth_range_m(states[-1].depth_range_m)
     sensor = cache.sensor(job.calibration, pattern, depth_range_m, job.settings)
-    left, right = rectified_images(job, cache)
-    return Result(sensor, sensor.reconstruct(left, right, first_step))
+    rectification = cache.pair(job.calibration)
+    left, right = zip(*(rectification.rectify(*pair) for pair in pairs), strict=True)
+    if len(pairs) == 1:
+        return Result(sensor, sensor.reconstruct(left[0], right[0], first_step))
+    return Result(sensor, sensor.reconstruct(np.stack(left), np.stack(right), first_step))
 
 
-def rectified_images(job: Job, cache: SensorCache) -> tuple[GreyImage, GreyImage]:
-    """Return rectified images, (H, W) of one frame or (n, H, W) of several."""
-    pair = cache.pair(job.calibration)
-    rectified = [
-        pair.rectify(grey_image("left", frame.item.left), grey_image("right", frame.item.right))
-        for frame in job.frames
-    ]
-    if len(rectified) == 1:
-        return rectified[0]
-    left, right = zip(*rectified, strict=True)
-    return np.stack(left), np.stack(right)
+def grey_pair(exposure: Exposure, calibration: Calibration) -> tuple[GreyImage, GreyImage]:
+    """Return left and right image (H, W); raises ImageError for those that cannot be read or are of another size."""
+    images = grey_image("left", exposure.left), grey_image("right", exposure.right)
+    for name, image in zip(("left", "right"), images, strict=True):
+        info = calibration.infos[name]
+        if image.shape != (info.height, info.width):
+            raise ImageError(
+                f"the {name} image is {image.shape[1]}x{image.shape[0]} and {name}/camera_info is for "
+                f"{info.width}x{info.height}: calibrate at this size or set the camera to it"
+            )
+    return images

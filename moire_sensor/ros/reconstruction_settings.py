@@ -12,6 +12,7 @@ from moire_sensor.nav_cloud import NavSettings
 from moire_sensor.reconstructor import DEFAULT_DEPTH_RANGE_M, METHODS, Reconstructor
 from moire_sensor.ros.parameters import ParameterSpec, specs_of
 from moire_sensor.ros.shot_messages import DEPTH_ENCODINGS
+from moire_sensor.ros.thresholds import Thresholds
 from moire_sensor.settings import Settings
 
 _CORE = inspect.signature(Reconstructor).parameters
@@ -35,9 +36,10 @@ SPECS = (
     ParameterSpec(
         "depth_encoding", DEPTH_ENCODINGS[0], "32FC1: m, NaN unknown; 16UC1: mm, 0 unknown", choices=DEPTH_ENCODINGS
     ),
-    ParameterSpec("diagnostics_period_s", 1.0, "time between diagnostics, s", 0.05, 60.0, read_only=True),
+    ParameterSpec("diagnostics_period_s", 1.0, "time between diagnostics, s", 0.05, 60.0),
+    ParameterSpec("queue_depth", 2, "sets that may wait while one is worked on; the oldest give way", 1, 1000),
     ParameterSpec(
-        "queue_depth", 2, "sets that may wait while one is worked on; the oldest give way", 1, 1000, read_only=True
+        "autostart", True, "configure and activate at once; false waits for lifecycle transitions", read_only=True
     ),
     ParameterSpec(
         "reliable_input",
@@ -45,6 +47,7 @@ SPECS = (
         "subscribe reliable with depth 10 instead of sensor data with depth 5, so that nothing is lost",
         read_only=True,
     ),
+    *specs_of(Thresholds),
     *specs_of(NavSettings),
     *specs_of(Settings),
 )

@@ -7,7 +7,7 @@ from typing import Any
 from std_msgs.msg import Header
 
 from moire_sensor.reconstructor import Reconstructor
-from moire_sensor.ros.qos import overridable, publisher_qos
+from moire_sensor.ros.qos import destroy_publisher, overridable, publisher_maker, publisher_qos
 from moire_sensor.ros.reconstruction_settings import OutputSettings
 from moire_sensor.ros.result_messages import TOPICS, result_messages
 from moire_sensor.shot import Shot
@@ -17,10 +17,16 @@ class ResultPublisher:
     """Publish a shot on the topics that have subscribers."""
 
     def __init__(self, node: Any) -> None:
+        self._node = node
         self._publishers = {
-            topic: node.create_publisher(kind, topic, publisher_qos(), qos_overriding_options=overridable())
+            topic: publisher_maker(node)(kind, topic, publisher_qos(), qos_overriding_options=overridable())
             for topic, kind in TOPICS.items()
         }
+
+    def close(self) -> None:
+        """Give the publishers back."""
+        for publisher in self._publishers.values():
+            destroy_publisher(self._node, publisher)
 
     def wanted(self) -> set[str]:
         """Return the topics that have subscribers now."""

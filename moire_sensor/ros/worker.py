@@ -45,9 +45,20 @@ class Worker(Generic[Job]):
         """Tell whether ``prepare`` is over."""
         return self._prepared.done()
 
-    def check_prepared(self) -> None:
-        """Raise what ``prepare`` raised; waits for its end."""
-        self._prepared.result()
+    def wait_prepared(self, seconds: float) -> bool:
+        """Wait until ``prepare`` is over and raise what it raised; False when it takes longer than ``seconds``."""
+        try:
+            self._prepared.result(seconds)
+        except TimeoutError:
+            if self._prepared.done():
+                raise
+            return False
+        return True
+
+    def set_queue_depth(self, queue_depth: int) -> None:
+        """Let another number of jobs wait, from the next submission on."""
+        with self._changed:
+            self._queue_depth = queue_depth
 
     def submit(self, job: Job) -> None:
         """Queue a job; never blocks."""
@@ -64,6 +75,19 @@ class Worker(Generic[Job]):
         """Tell whether nothing waits and nothing is under way."""
         with self._changed:
             return not self._waiting and not self._busy
+
+    def drain(self, patience_s: float | None = None) -> bool:
+        """Take no more of what waits, superseded by the pause, and wait for the end of the job under way.
+
+        Returns False when that takes longer than ``patience_s``.
+        """
+        with self._changed:
+            left_over = len(self._waiting)
+            self._waiting.clear()
+            idle = self._changed.wait_for(lambda: not self._busy, patience_s)
+        if left_over:
+            self._superseded(left_over)
+        return idle
 
     def stop(self, patience_s: float | None = None) -> bool:
         """End after the job under way; waiting jobs are superseded by the end.
@@ -91,6 +115,7 @@ class Worker(Generic[Job]):
         while True:
             with self._changed:
                 self._busy = False
+                self._changed.notify_all()
                 self._changed.wait_for(lambda: self._stopped or bool(self._waiting))
                 if self._stopped:
                     return
