@@ -26,7 +26,8 @@ SPACE_SHARE = 0.8
 class Bag:
     """The messages of a bag in the order they were recorded; a context that removes its temporary files.
 
-    ``damages`` names what could not be read, file by file, and grows while messages are read.
+    ``damages`` names what could not be read, file by file, and grows while messages are read. ``promised`` are the
+    numbers of messages by topic that metadata.yaml tells, ``sizes`` the bytes of each file.
 
     Parameters
     ----------
@@ -44,6 +45,7 @@ class Bag:
         self.damages: list[str] = []
         self.topics: dict[str, RecordedTopic] = {}
         self.promised: dict[str, int] = {}
+        self.sizes: dict[str, int] = {}
         self._scratch = TemporaryDirectory(prefix="bag_", dir=scratch)
         self._files: list[McapFile | SqliteFile] = []
         try:
@@ -119,6 +121,7 @@ class Bag:
             self.damages.append(str(error))
             return
         self._files.append(file)
+        self.sizes[path.name] = path.stat().st_size
         self.damages.extend(f"{path.name}: {text}" for text in file.damages)
         for topic in file.topics.values():
             self.topics.setdefault(topic.name, topic)

@@ -106,6 +106,7 @@ class BagRecorder:
             self._qualities[name] = [one.qos_profile for one in self._node.get_publishers_info_by_topic(name)]
         try:
             # When the middleware got it, not when this callback ran: callbacks of several topics run in any order.
+            self._writer.ensure_room(len(serialized))
             self._writer.write(name, type_name, self._qualities[name], info["received_timestamp"], serialized)
             if self._writer.is_due:
                 self._writer.commit()

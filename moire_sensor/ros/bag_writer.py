@@ -24,8 +24,6 @@ from moire_sensor.ros.bag_reader import storage_files
 BAG_VERSION: Literal[9] = 9  # of ROS 2 Jazzy
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 MEGABYTE = 1 << 20
-# So much is written between two looks at the free space.
-LOOK_AFTER_BYTES = 4 * MEGABYTE
 
 
 class DiskFullError(CaptureError):
@@ -44,35 +42,41 @@ class BagWriter:
     """One bag, written part by part; :meth:`commit` completes a part, and only whole parts belong to the bag.
 
     A part grows in a folder of its own inside the bag's, is moved up, and then named in metadata.yaml, which is
-    replaced in one step. A folder whose bag was broken off can be opened again with ``resume``.
+    replaced in one step.
 
     Parameters
     ----------
-    folder : the bag; must not exist unless ``resume``.
+    folder : the bag; must not exist. With ``journal`` it may be empty, or hold such a bag, which is then continued.
     storage : ``"mcap"`` or ``"sqlite3"``.
     limits : when a part is complete, and when the disk counts as full.
+    journal : name of the custom text by which a bag that was broken off is known as one to go on with.
 
     Raises
     ------
     SettingsError
-        The folder exists or cannot be written.
+        The folder holds something else or cannot be written.
     """
 
-    def __init__(self, folder: Path, storage: str = "mcap", limits: Limits | None = None, resume: bool = False) -> None:
+    def __init__(self, folder: Path, storage: str = "mcap", limits: Limits | None = None, journal: str = "") -> None:
         self.folder = folder
         self._limits = limits or Limits()
         self._storage = storage
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
         self._connections: dict[str, Connection] = {}
         self._part: Writer | None = None
-        self._written = self._looked = 0
+        self._written = 0
         try:
-            folder.mkdir(parents=True, exist_ok=resume)
-            self._information: dict[str, Any] = load(folder) if (folder / FILE).exists() else {}
+            self._information = information_of(folder, journal) or empty_information(storage)
+            folder.mkdir(parents=True, exist_ok=bool(journal))
             self._remove_leftovers()
-            self._look_at_space()
+            self.ensure_room()
         except OSError as error:
             raise SettingsError(f"cannot write a bag to {folder}: {error}; choose a new folder") from error
+
+    @property
+    def custom(self) -> dict[str, str]:
+        """The texts of the last commit."""
+        return dict(self._information.get("custom_data") or {})
 
     @property
     def is_due(self) -> bool:
@@ -83,18 +87,23 @@ class BagWriter:
         """Tell whether a message type is one of ROS 2 Jazzy, whose definition goes into the bag."""
         return type_name in self._typestore.fielddefs
 
+    def ensure_room(self, coming_bytes: int = 0) -> None:
+        """Raise DiskFullError where less space than the limits say is left for ``coming_bytes`` more."""
+        free = shutil.disk_usage(self.folder).free
+        if free < self._limits.reserve_bytes + coming_bytes:
+            raise DiskFullError(
+                f"the disk of {self.folder} is full: {free // MEGABYTE} MB are left, "
+                f"{self._limits.reserve_bytes // MEGABYTE} MB are kept free; what was written before is whole"
+            )
+
     def write(self, topic: str, type_name: str, qualities: Sequence[QoSProfile], time_ns: int, data: bytes) -> None:
         """Append a serialised message; ``qualities`` are what its publishers offer.
 
         Raises
         ------
-        DiskFullError
-            Less space is left than the limits say; nothing of this message was written.
         CaptureError
             The file cannot be written; the part is broken off, the ones before it are whole.
         """
-        if self._written - self._looked >= LOOK_AFTER_BYTES or self._part is None:
-            self._look_at_space()
         try:
             connection = self._connections.get(topic) or self._connect(topic, type_name, qualities)
             if self._part is not None:
@@ -106,18 +115,24 @@ class BagWriter:
     def commit(self, custom: dict[str, str] | None = None) -> None:
         """Complete the part, and name it in the metadata, with ``custom`` texts; raises CaptureError."""
         try:
-            if self._part is not None or not self._information:
+            if self._part is not None or not self._information["files"]:
                 part = self._part or self._begin()
                 part.close()
                 self._adopt(part.path)
-            if custom:
-                self._information["custom_data"] = custom
-            self._write_metadata()
+            self.note(custom or self.custom)
         except (OSError, sqlite3.Error, WriterError) as error:
             raise self._lost(error) from error
         self._part = None
         self._connections.clear()
-        self._written = self._looked = 0
+        self._written = 0
+
+    def note(self, custom: dict[str, str]) -> None:
+        """Write the metadata of the parts so far, with these texts."""
+        self._information["custom_data"] = custom or None
+        path = self.folder / FILE
+        draft = path.with_suffix(".tmp")
+        draft.write_text(yaml.safe_dump({ROOT: self._information}, sort_keys=False), encoding="utf-8")
+        draft.replace(path)
 
     def abandon(self) -> None:
         """Drop the part that is not committed, and give its space back."""
@@ -126,7 +141,7 @@ class BagWriter:
 
     def _begin(self) -> Writer:
         """Begin a part."""
-        number = len(self._information.get("files", ()))
+        number = len(self._information["files"])
         path = self.folder / f"{self.folder.name}_{number}"
         self._part = Writer(path, version=BAG_VERSION, storage_plugin=STORAGES[self._storage])
         self._part.open()
@@ -146,36 +161,21 @@ class BagWriter:
         (name,) = added["relative_file_paths"]
         (part / name).replace(self.folder / name)
         shutil.rmtree(part)
-        self._information = merged(self._information, added) if self._information else added
-
-    def _write_metadata(self) -> None:
-        path = self.folder / FILE
-        draft = path.with_suffix(".tmp")
-        draft.write_text(yaml.safe_dump({ROOT: self._information}, sort_keys=False), encoding="utf-8")
-        draft.replace(path)
+        self._information = merged(self._information, added)
 
     def _remove_leftovers(self) -> None:
         """Remove parts that were broken off, and one that was moved but not named yet."""
-        named = {self.folder / name for name in self._information.get("relative_file_paths", ())}
+        named = {self.folder / name for name in self._information["relative_file_paths"]}
         for path in storage_files(self.folder):
             if path.parent != self.folder:
                 shutil.rmtree(path.parent)
             elif path not in named:
                 path.unlink()
 
-    def _look_at_space(self) -> None:
-        self._looked = self._written
-        free = shutil.disk_usage(self.folder).free
-        if free < self._limits.reserve_bytes:
-            raise DiskFullError(
-                f"the disk of {self.folder} is full: {free // MEGABYTE} MB are left of the "
-                f"{self._limits.reserve_bytes // MEGABYTE} MB kept free; what was written before is complete"
-            )
-
     def _lost(self, error: Exception) -> CaptureError:
         """Break off the part that could not be written, and say so."""
         self._break_off()
-        files = len(self._information.get("files", ()))
+        files = len(self._information["files"])
         return CaptureError(
             f"cannot write to the bag {self.folder}: {error}; its {files} complete parts are whole, what follows is "
             "readable as far as it goes: free space, or choose another disk"
@@ -189,6 +189,40 @@ class BagWriter:
             # Closing writes what is left in the buffer, which fails on a full disk as well.
             with suppress(OSError, sqlite3.Error):
                 part.abort()
+
+
+def information_of(folder: Path, journal: str) -> dict[str, Any] | None:
+    """Return the metadata of a bag to go on with, None for a new one.
+
+    Raises
+    ------
+    SettingsError
+        The folder exists and is no such bag: nothing that somebody else wrote is touched.
+    """
+    if not folder.exists() or (journal and folder.is_dir() and not any(folder.iterdir())):
+        return None
+    information = load(folder) if journal and (folder / FILE).exists() else {}
+    if journal not in (information.get("custom_data") or {}):
+        raise SettingsError(f"cannot write a bag to {folder}: it exists and holds something else; choose a new folder")
+    return information
+
+
+def empty_information(storage: str) -> dict[str, Any]:
+    """Return the metadata of a bag without any part."""
+    return {
+        "version": BAG_VERSION,
+        "storage_identifier": storage,
+        "relative_file_paths": [],
+        "duration": {"nanoseconds": 0},
+        "starting_time": {"nanoseconds_since_epoch": 0},
+        "message_count": 0,
+        "topics_with_message_count": [],
+        "compression_format": "",
+        "compression_mode": "",
+        "files": [],
+        "custom_data": None,
+        "ros_distro": "rosbags",
+    }
 
 
 def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
