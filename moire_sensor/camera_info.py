@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import yaml
 
-from moire_sensor.errors import RigError
+from moire_sensor.errors import RigError, quoted
 from moire_sensor.projection import Array, check_image_size, check_intrinsic, check_lens, numbers
 from moire_sensor.rectify import Map, RectifiedPair
 from moire_sensor.rig import StereoRig
@@ -132,7 +132,7 @@ def lens_of(name: str, model: Any, coefficients: list[Any]) -> tuple[float, ...]
     """Return the lens coefficients, empty when all are zero, or raise RigError."""
     if model not in LENS_MODELS:
         allowed = ", ".join(filter(None, LENS_MODELS))
-        raise RigError(f"the {name} camera info has lens model {model!r}; allowed are {allowed}")
+        raise RigError(f"the {name} camera info has lens model {quoted(str(model))}; allowed are {allowed}")
     lens = check_lens(f"{name} camera info", coefficients)
     if lens and len(lens) not in LENS_MODELS[model]:
         raise RigError(

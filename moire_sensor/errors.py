@@ -25,3 +25,8 @@ class SettingsError(MoireError):
 
 class CaptureError(MoireError):
     """A capture folder that is missing, incomplete or malformed."""
+
+
+def quoted(text: str, most: int = 60) -> str:
+    """Return a text that came from outside in quotes, cut to ``most`` characters, for use in a message."""
+    return repr(text if len(text) <= most else text[:most] + "...")

@@ -16,6 +16,8 @@ MIN_SIDE_PX = 16
 # Larger images than any camera we know gives are taken for a damaged message or file.
 MAX_SIDE_PX = 16384
 LENS_SIZES = (0, 4, 5, 8, 12, 14)
+# No number of a calibration in pixels and metres comes near; squares and products of larger ones overflow.
+LARGEST = 1e12
 # Share of the volume that the rows of a matrix of their lengths could span; a real device has 0.1 to 1.
 SINGULAR = 1e-9
 # A matrix scaled already is left alone, so that a rig told and read again is the same to the bit.
@@ -46,6 +48,8 @@ def numbers(name: str, values: Any, shape: tuple[int, ...]) -> Array:
         raise RigError(f"{name} has shape {array.shape}; it must have shape {shape}")
     if not np.isfinite(array).all():
         raise RigError(f"{name} contains NaN or infinity; give finite numbers")
+    if np.abs(array).max(initial=0.0) > LARGEST:
+        raise RigError(f"{name} contains a number beyond {LARGEST:g}; give pixels and metres")
     return array
 
 
@@ -63,7 +67,8 @@ def as_projection(name: str, matrix: npt.ArrayLike) -> Array:
     values = numbers(name, matrix, (3, 4))
     lengths = np.linalg.norm(values[:, :3], axis=1)
     determinant = float(np.linalg.det(values[:, :3]))
-    if not abs(determinant) > SINGULAR * float(lengths.prod()):
+    flat = lengths.min() <= SAME_SCALE * lengths.max()
+    if flat or not abs(determinant) > SINGULAR * float(lengths.prod()):
         raise RigError(f"{name} is singular (all zero?); calibrate the device and give its (3, 4) projection")
     factor = float(np.sign(determinant) / lengths[2])
     return values if abs(factor - 1.0) < SAME_SCALE else values * factor

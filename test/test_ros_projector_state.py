@@ -103,7 +103,7 @@ def test_positions_of_another_number_and_names_given_twice_are_errors() -> None:
     message = good_message()
     with pytest.raises(PatternError, match="7 names and 6 positions"):
         projector_state(JointState(name=message.name, position=message.position[:-1]))
-    with pytest.raises(PatternError, match="twice"):
+    with pytest.raises(PatternError, match="names laser_on more than once"):
         projector_state(JointState(name=[*message.name, "laser_on"], position=[*message.position, 0.0]))
 
 

@@ -34,6 +34,7 @@ class HeadInputs:
         self._refuse = refuse
         self._subscriptions: list[Any] = []
         self._silence = SilenceWatch(STREAM_TOPICS)
+        self._first_s: float | None = None
         self._incompatible: dict[str, tuple[str, QoSProfile]] = {}
         # Infos first: of messages that wait together, the executor handles the earlier subscription's first.
         for device, topic in INFO_TOPICS.items():
@@ -55,9 +56,15 @@ class HeadInputs:
         }
 
     def silent(self, after_s: float) -> list[str]:
-        """Return the full names of the topics that the others have run ahead of for ``after_s`` seconds."""
-        streams = self._silence.silent(after_s, time.monotonic())
-        return [self._node.resolve_topic_name(STREAM_TOPICS[stream][0]) for stream in streams]
+        """Return the full names of the topics that the others have run ahead of for ``after_s`` seconds.
+
+        A camera info is among them when there has been none at all.
+        """
+        now_s = time.monotonic()
+        topics = [STREAM_TOPICS[stream][0] for stream in self._silence.silent(after_s, now_s)]
+        if self._first_s is not None and now_s - self._first_s >= after_s:
+            topics += self.sets.missing_infos
+        return [self._node.resolve_topic_name(topic) for topic in topics]
 
     def unpublished(self) -> list[str]:
         """Return the full names of the topics, infos too, that nobody publishes."""
@@ -112,7 +119,9 @@ class HeadInputs:
         topic = STREAM_TOPICS[stream][0]
 
         def take_message(message: Any) -> None:
-            self._silence.note(stream, stamp_ns(message), time.monotonic())
+            now_s = time.monotonic()
+            self._first_s = now_s if self._first_s is None else self._first_s
+            self._silence.note(stream, stamp_ns(message), now_s)
             size = len(message.data) if isinstance(message, Image) else len(message.name) + len(message.position)
             if size > MAX_IMAGE_BYTES:
                 self._refuse("too large", f"{topic} is {size} long; at most {MAX_IMAGE_BYTES} is kept")

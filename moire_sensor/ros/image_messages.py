@@ -11,7 +11,7 @@ import numpy.typing as npt
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
-from moire_sensor.errors import ImageError
+from moire_sensor.errors import ImageError, quoted
 from moire_sensor.projection import MAX_SIDE_PX
 
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
@@ -55,7 +55,8 @@ def grey_image(name: str, message: Image) -> GreyImage:
     pixel = GREY_TYPES.get(message.encoding)
     if pixel is None:
         raise ImageError(
-            f"the {name} image has encoding {message.encoding!r}; allowed are mono8 and mono16: set the camera to one"
+            f"the {name} image has encoding {quoted(message.encoding)}; allowed are mono8 and mono16: set the "
+            "camera to one"
         )
     height, width, step = message.height, message.width, message.step
     if not (1 <= height <= MAX_SIDE_PX and 1 <= width <= MAX_SIDE_PX):

@@ -115,7 +115,8 @@ def _values(message: JointState) -> dict[str, float]:
     if missing:
         raise PatternError(f"projector/state lacks {', '.join(missing)}; the head must publish all of them")
     if len(known) != len(set(known)):
-        raise PatternError(f"projector/state names a value twice: {', '.join(known)}; give each name once")
+        twice = sorted({name for name in known if known.count(name) > 1})
+        raise PatternError(f"projector/state names {', '.join(twice)} more than once; give each name once")
     values = {name: float(value) for name, value in zip(names, message.position, strict=True) if name in known}
     for name, value in values.items():
         if not math.isfinite(value):

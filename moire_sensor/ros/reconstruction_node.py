@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 import traceback
 from typing import Any
 
@@ -12,24 +11,22 @@ from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from std_msgs.msg import Header
 
-from moire_sensor.errors import MoireError, PatternError, SettingsError
+from moire_sensor.errors import MoireError, SettingsError
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.reconstructor import Reconstructor
-from moire_sensor.ros.camera_messages import FRAMES
 from moire_sensor.ros.diagnostics import DiagnosticsPublisher
 from moire_sensor.ros.executable import run_node
-from moire_sensor.ros.frame_ring import Frame, FrameRing
 from moire_sensor.ros.head_inputs import HeadInputs
 from moire_sensor.ros.lifecycle import ManagedNode
 from moire_sensor.ros.parameters import changed_values, declare, refuse_unknown
-from moire_sensor.ros.projector_state import projector_state
 from moire_sensor.ros.qos import destroy_publisher, overridable, publisher_maker, publisher_qos
 from moire_sensor.ros.reconstruction_health import Health
-from moire_sensor.ros.reconstruction_job import Exposure, Job, reconstruct
-from moire_sensor.ros.reconstruction_report import GATHERING, LASER_OFF, SUPERSEDED, UNWATCHED
+from moire_sensor.ros.reconstruction_job import Job, reconstruct
+from moire_sensor.ros.reconstruction_report import SUPERSEDED, UNWATCHED
 from moire_sensor.ros.reconstruction_settings import SPECS, read_settings
 from moire_sensor.ros.result_publisher import ResultPublisher
 from moire_sensor.ros.sensor_cache import Calibration, SensorCache
+from moire_sensor.ros.set_intake import SetIntake
 from moire_sensor.ros.set_matcher import MatchedSet
 from moire_sensor.ros.thresholds import read_thresholds
 from moire_sensor.ros.worker import Worker
@@ -57,7 +54,7 @@ class ReconstructionNode(ManagedNode):
         self._values = declare(self, SPECS)
         refuse_unknown(self)
         self._read(self._values)
-        self._ring: FrameRing[Exposure] = FrameRing()
+        self._intake = SetIntake()
         self._cache = SensorCache()
         self._inputs: HeadInputs | None = None
         self._results: ResultPublisher | None = None
@@ -94,7 +91,7 @@ class ReconstructionNode(ManagedNode):
         """Subscribe once the kernels are there: who waits for a subscriber loses nothing."""
         self._wait_for_kernels()
         self._health = Health(self, self._limits)
-        self._ring.clear()
+        self._intake.clear()
         self._inputs = HeadInputs(self, self._values["reliable_input"], self._take, self._health.refuse)
         refuse_unknown(self, qos=True)
         self._restart_timers()
@@ -156,42 +153,15 @@ class ReconstructionNode(ManagedNode):
         ]
 
     def _take(self, matched: MatchedSet[Any], calibration: Calibration | None) -> None:
-        """Take one whole set: convert, choose the frames, hand over to the worker."""
-        if matched.after_jump:
-            self._ring.clear()
-        try:
-            state = projector_state(matched.items["state"])
-        except PatternError as error:
-            self._health.refuse_for(error)
+        """Take one whole set; hand over to the worker what is wanted of it."""
+        job = self._intake.job(matched, calibration, self._settings, self._output, self._health)
+        if job is None:
             return
-        self._health.laser_on = state.laser_on
-        if not state.laser_on:
-            self._health.refuse(LASER_OFF, "the projector is off; switch it on with projector/enable")
-            return
-        if calibration is None:
-            missing = ", ".join(self._inputs.sets.missing_infos) if self._inputs else "a camera_info"
-            self._health.refuse("no camera info", f"nothing came on {missing}; the head must publish it")
-            return
-        frame = Frame(matched.stamp_ns, state, Exposure(matched.items["left"], matched.items["right"]))
-        frames = self._frames_for(frame)
-        if frames is None:
-            self._health.count(GATHERING)
-            return
-        self._submit(frames, calibration)
-
-    def _frames_for(self, frame: Frame[Exposure]) -> tuple[Frame[Exposure], ...] | None:
-        if self._settings.method != "phase_shift":
-            return (frame,)
-        return self._ring.add(frame)
-
-    def _submit(self, frames: tuple[Frame[Exposure], ...], calibration: Calibration) -> None:
-        stamp = frames[len(frames) // 2].item.left.header.stamp
-        header = Header(stamp=stamp, frame_id=FRAMES["left"])
-        self._done.publish(header)
+        self._done.publish(job.header)
         if self._results is None or not self._results.wanted():
             self._health.count(UNWATCHED)
             return
-        self._worker.submit(Job(header, frames, calibration, self._settings, self._output, time.monotonic()))
+        self._worker.submit(job)
 
     def _work(self, job: Job) -> None:
         """In the worker's thread: reconstruct, publish; nothing that a message holds may end the thread."""
@@ -222,13 +192,13 @@ class ReconstructionNode(ManagedNode):
         self._worker.set_queue_depth(values["queue_depth"])
         if new_period and self._inputs is not None:
             self._restart_timers()
-        self._ring.clear()
+        self._intake.clear()
         return SetParametersResult(successful=True)
 
     def _clock_jumped(self, jump: Any) -> None:
         if self._inputs is not None:
             self._inputs.sets.clear("the clock jumped")
-        self._ring.clear()
+        self._intake.clear()
 
     def _watch(self) -> None:
         if self._inputs is not None and self._health.watch(self._inputs):
