@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from moire_sensor.rig import StereoRig
 from moire_sensor.settings import check_ranges, setting
 from moire_sensor.shot import Shot
 
@@ -35,7 +37,7 @@ class NavSettings:
     """
 
     nav_voxel_m: float = setting(0.02, 0.001, 1.0, "edge of a voxel of points_nav, m")
-    nav_min_points: int = setting(3, 1, 10000, "points that a voxel of points_nav needs to count")  # type: ignore[assignment]
+    nav_min_fill: float = setting(0.05, 0.0, 1.0, "share of a facing square's pixels that a voxel of points_nav needs")
     nav_min_confidence: float = setting(0.2, 0.0, 1.0, "least confidence of a pixel in points_nav")
     nav_max_range_m: float = setting(2.0, 0.05, 100.0, "distance from the camera up to which points_nav tells, m")
 
@@ -43,18 +45,22 @@ class NavSettings:
         check_ranges(self)
 
 
-def obstacle_cloud(cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
+def obstacle_cloud(rig: StereoRig, cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
     """Return (1, N, C) float32, one point a voxel: surfaces within range, without flying pixels.
 
     Parameters
     ----------
+    rig : the rig of the shot.
     cloud : (H, W, C) float32, x y z in metres first, NaN where unknown.
     shot : the shot that the cloud is of.
     nav : thresholds.
     """
     near = np.square(cloud[..., :3]).sum(axis=-1) <= nav.nav_max_range_m**2
-    trusted = near & (shot.confidence >= nav.nav_min_confidence)
-    return voxel_cloud(cloud, trusted & supported(shot.depth_m), nav.nav_voxel_m, nav.nav_min_points)
+    trusted = near & (shot.confidence >= nav.nav_min_confidence) & supported(shot.depth_m)
+    points = cloud[trusted]
+    # What one pixel covers of a facing square of a voxel's size.
+    share = points[:, 2] ** 2 / (rig.fx_px * rig.fy_px * nav.nav_voxel_m**2)
+    return voxel_means(points, share, nav.nav_voxel_m, nav.nav_min_fill)
 
 
 def clearing_cloud(cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
@@ -117,18 +123,17 @@ def find_supported(depth, mask):  # type: ignore[no-untyped-def]
             mask[y, x] = in_row >= REACH_PX and in_column >= REACH_PX
 
 
-def voxel_cloud(cloud: Cloud, kept: Mask, voxel_m: float, min_points: int) -> Cloud:
-    """Return (1, N, C): the mean of the kept points in each voxel that holds at least ``min_points`` of them.
+def voxel_means(points: Cloud, share: npt.NDArray[np.floating[Any]], voxel_m: float, min_fill: float) -> Cloud:
+    """Return (1, M, C): the mean of the points in each voxel whose shares sum up to ``min_fill``.
 
-    ``cloud`` is (H, W, C) float32, x y z first; ``kept`` (H, W) the pixels that may take part, those without a finite
-    point never do. The grid of ``voxel_m`` metres is fixed to the origin of the optical frame.
+    ``points`` is (N, C) float32, x y z in metres first, all finite; ``share`` (N,) what each point fills of its voxel.
+    The grid of ``voxel_m`` metres is fixed to the origin of the optical frame.
     """
-    points = cloud[kept & np.isfinite(cloud[..., :3]).all(axis=-1)]
     if not len(points):
-        return np.empty((1, 0, cloud.shape[-1]), dtype=np.float32)
+        return np.empty((1, 0, points.shape[-1]), dtype=np.float32)
     voxel = voxel_numbers(points[:, :3], voxel_m)
     count = np.bincount(voxel)
-    full = count >= min_points
+    full = (count > 0) & (np.bincount(voxel, weights=share) >= min_fill)
     sums = [np.bincount(voxel, weights=channel)[full] for channel in points.T]
     return np.asarray(np.stack(sums, axis=-1) / count[full, None], dtype=np.float32)[None]
 

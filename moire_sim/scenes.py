@@ -100,7 +100,7 @@ SCENES: dict[str, Scene] = {
     "room": Scene(room, {}),
     "corridor_with_boxes": Scene(corridor_with_boxes, {"boxes": Option(2.0, 0.0, 2.0)}),
     "doorway": Scene(doorway, {"bin_m": Option(0.3, 0.0, 1.0)}),
-    "table_edge": Scene(table_edge, {"distance_m": Option(0.9, 0.6, 1.5)}),
+    "table_edge": Scene(table_edge, {"distance_m": Option(0.92, 0.6, 1.5)}),
 }
 
 

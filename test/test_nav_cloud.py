@@ -16,7 +16,7 @@ from moire_sensor.nav_cloud import (
     clearing_cloud,
     obstacle_cloud,
     supported,
-    voxel_cloud,
+    voxel_means,
 )
 from moire_sensor.paper_rig import paper_rig
 from moire_sensor.shot import Shot
@@ -64,11 +64,10 @@ def box_before_wall() -> Depth:
 @pytest.mark.parametrize("voxel_m", [0.05, 0.0007])
 def test_voxels_equal_the_obvious_way(voxel_m: float) -> None:
     rng = np.random.default_rng(1)
-    cloud = rng.uniform(-0.5, 0.5, (40, 50, 4)).astype(np.float32)
-    cloud[..., :3] = np.round(cloud[..., :3], 1)
-    cloud[rng.random((40, 50)) < 0.2, :3] = np.nan
-    kept = voxel_cloud(cloud, np.ones((40, 50), dtype=bool), voxel_m, 2)
-    expected = slow_voxels(cloud.reshape(-1, 4), voxel_m, 2)
+    points = rng.uniform(-0.5, 0.5, (2000, 4)).astype(np.float32)
+    points[:, :3] = np.round(points[:, :3], 1)
+    kept = voxel_means(points, np.full(2000, 0.5), voxel_m, 1.0)
+    expected = slow_voxels(points, voxel_m, 2)
     assert kept.shape == (1, len(expected), 4)
     assert np.isfinite(kept).all()
     order = np.lexsort(np.round(kept[0, :, :3], 3).T)
@@ -76,14 +75,12 @@ def test_voxels_equal_the_obvious_way(voxel_m: float) -> None:
     np.testing.assert_allclose(kept[0][order], wanted[np.lexsort(np.round(wanted[:, :3], 3).T)], atol=1e-5)
 
 
-def test_voxels_leave_out_lone_and_distrusted_points() -> None:
-    cloud = np.zeros((1, 5, 4), dtype=np.float32)
-    cloud[0, :, 2] = [1.0, 1.001, 2.0, 3.0, 3.001]
-    trusted = np.array([[True, True, True, True, False]])
-    kept = voxel_cloud(cloud, trusted, 0.02, 2)
-    assert kept.shape == (1, 1, 4)
-    assert kept[0, 0, 2] == pytest.approx(1.0005)
-    assert voxel_cloud(cloud, np.zeros((1, 5), dtype=bool), 0.02, 1).shape == (1, 0, 4)
+def test_voxels_leave_out_lone_points() -> None:
+    points = np.zeros((4, 4), dtype=np.float32)
+    points[:, 2] = [1.0, 1.001, 2.0, 3.0]
+    kept = voxel_means(points, np.array([0.1, 0.1, 0.1, 0.3]), 0.02, 0.2)
+    np.testing.assert_allclose(kept[0, :, 2], [1.0005, 3.0])
+    assert voxel_means(points[:0], np.empty(0), 0.02, 0.1).shape == (1, 0, 4)
 
 
 def test_support_equals_the_obvious_way() -> None:
@@ -109,11 +106,11 @@ def test_obstacles_are_within_range_and_trusted() -> None:
     rig = paper_rig()
     nav = NavSettings(nav_max_range_m=1.5)
     cloud = rig.points(depth_m)
-    found = obstacle_cloud(cloud, shot_of(depth_m), nav)[0]
+    found = obstacle_cloud(rig, cloud, shot_of(depth_m), nav)[0]
     np.testing.assert_allclose(found[:, 2], BOX_M, rtol=1e-6)
     # The box covers 160 by 160 pixels: 0.128 by 0.1275 m of 20 mm voxels, cut ones at its ends.
     assert 6 * 6 <= len(found) <= 8 * 8
-    assert obstacle_cloud(cloud, shot_of(depth_m, confidence=0.1), nav).shape == (1, 0, 3)
+    assert obstacle_cloud(rig, cloud, shot_of(depth_m, confidence=0.1), nav).shape == (1, 0, 3)
 
 
 def test_clearing_rays_end_before_the_nearest_thing_or_at_the_range() -> None:
@@ -136,8 +133,9 @@ def test_clearing_rays_end_before_the_nearest_thing_or_at_the_range() -> None:
 def test_nothing_known_clears_nothing_and_marks_nothing() -> None:
     depth_m = np.full((480, 640), np.nan, dtype=np.float32)
     cloud = paper_rig().points(depth_m)
-    for made in (clearing_cloud, obstacle_cloud):
-        assert made(cloud, shot_of(depth_m), NavSettings()).shape == (1, 0, 3)
+    shot = shot_of(depth_m)
+    assert clearing_cloud(cloud, shot, NavSettings()).shape == (1, 0, 3)
+    assert obstacle_cloud(paper_rig(), cloud, shot, NavSettings()).shape == (1, 0, 3)
 
 
 def test_a_setting_out_of_range_is_named() -> None:

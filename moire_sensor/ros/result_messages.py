@@ -60,6 +60,6 @@ def cloud_messages(
     if "points" in wanted:
         yield "points", cloud_message(header, cloud)
     if "points_nav" in wanted:
-        yield "points_nav", cloud_message(header, obstacle_cloud(cloud, shot, output.nav))
+        yield "points_nav", cloud_message(header, obstacle_cloud(sensor.rig, cloud, shot, output.nav))
     if "points_nav_clearing" in wanted:
         yield "points_nav_clearing", cloud_message(header, clearing_cloud(cloud, shot, output.nav))
