@@ -15,7 +15,7 @@ from moire_sensor.order_path import best_orders, next_orders, path_costs
 from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
-from moire_sensor.phase_single import phase_from_single
+from moire_sensor.phase_single import FitPlanes, phase_from_single
 from moire_sensor.phase_steps import StepFilter, phase_from_steps
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
@@ -51,6 +51,7 @@ class PhasePipeline:
             Carrier.left(self._projector, rig.image_size, middle, settings.half_height_px),
             Carrier.right(self._projector, rig.image_size, middle, settings.half_height_px),
         )
+        self._planes = (FitPlanes.of(self._carriers[0]), FitPlanes.of(self._carriers[1]))
         self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
         self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
 
@@ -63,8 +64,8 @@ class PhasePipeline:
         """Depth of one exposure: images (H, W) float32, grey levels of 255."""
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
         phases = (
-            phase_from_single(left, self._carriers[0], step_rad, self.settings),
-            phase_from_single(right, self._carriers[1], step_rad, self.settings),
+            phase_from_single(left, self._carriers[0], step_rad, self.settings, self._planes[0]),
+            phase_from_single(right, self._carriers[1], step_rad, self.settings, self._planes[1]),
         )
         return self._depth(phases, (left, right), SHADING_SINGLE_RAD)
 

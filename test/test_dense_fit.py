@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
-from dense_rigs import SMALL, Array, Float32, small_carriers, small_map, small_rig
+from dense_rigs import SMALL, Array, Float32, outside_rig, small_carriers, small_map, small_rig
 
-from moire_sensor.phase_carrier import Carrier, ripple_factor
-from moire_sensor.phase_single import SHIFT_PENALTY, UNUSABLE, fit_windows, phase_from_single, pick_windows
+from moire_sensor.paper_rig import paper_pattern
+from moire_sensor.phase_carrier import Carrier
+from moire_sensor.phase_fit import ALONG, AMPLITUDE, BACKGROUND, CARRIED, DOWN, OFFSET, UNUSABLE, VARIANCE, sum_windows
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_single import FitPlanes, fit_planes, phase_from_single, picked_phase
+from moire_sensor.phase_table import ripple_factor
+from moire_sensor.phase_windows import SHIFT_PENALTY
+from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 from moire_sensor.shot import Status
 
@@ -28,13 +36,10 @@ def fringes(carrier: Carrier, detuning: float = 0.0, noise: float = 2.0, seed: i
     return image.astype(np.float32)
 
 
-def fitted(image: Float32, carrier: Carrier) -> Float32:
-    fit = np.zeros((4, *image.shape), dtype=np.float32)
-    fit_windows(
-        image, carrier.cos, carrier.sin, carrier.rad_per_px, carrier.inverse, carrier.detuned,
-        carrier.half_width_px, carrier.half_height_px, fit,
-    )  # fmt: skip
-    return fit
+def fitted(image: Float32, carrier: Carrier) -> FitPlanes:
+    planes = FitPlanes.of(carrier)
+    fit_planes(image, carrier, planes)
+    return planes
 
 
 def slow_fit(image: Float32, carrier: Carrier, y: int, x: int) -> tuple[float, float, float, float]:
@@ -52,27 +57,108 @@ def slow_fit(image: Float32, carrier: Carrier, y: int, x: int) -> tuple[float, f
     return float(offset), float(found[0]), float(amplitude), float(left_over @ left_over / (values.size - 4))
 
 
+def check_fit(image: Float32, carrier: Carrier, ys: Sequence[int], xs: Sequence[int]) -> None:
+    planes = fitted(image, carrier)
+    offset, variance = planes.inside(OFFSET), planes.inside(VARIANCE)
+    for y in ys:
+        for x in xs:
+            expected = slow_fit(image, carrier, y, x)
+            assert abs(np.angle(np.exp(1j * (offset[y, x] - expected[0])))) < 1e-4
+            assert planes.inside(BACKGROUND)[y, x] == pytest.approx(expected[1], abs=1e-3)
+            assert planes.inside(AMPLITUDE)[y, x] == pytest.approx(expected[2], abs=1e-3)
+            assert variance[y, x] == pytest.approx(expected[3], rel=FLOAT32_SUMS)
+
+
 @pytest.mark.parametrize("detuning", [0.0, 0.06])
 @pytest.mark.parametrize("rows", [0, 2])
 def test_fit_windows_is_least_squares(rows: int, detuning: float) -> None:
     carrier = carrier_of(rows)
-    image = fringes(carrier, detuning)
-    fit = fitted(image, carrier)
-    for y in (rows, 17, SMALL[1] - 1 - rows):
-        for x in (carrier.half_width_px, 30, 55, SMALL[0] - 1 - carrier.half_width_px):
-            offset, background, amplitude, variance = slow_fit(image, carrier, y, x)
-            assert abs(np.angle(np.exp(1j * (fit[0, y, x] - offset)))) < 1e-4
-            assert fit[1, y, x] == pytest.approx(background, abs=1e-3)
-            assert fit[2, y, x] == pytest.approx(amplitude, abs=1e-3)
-            assert fit[3, y, x] == pytest.approx(variance, rel=FLOAT32_SUMS)
+    half = carrier.half_width_px
+    check_fit(
+        fringes(carrier, detuning), carrier, (rows, 17, SMALL[1] - 1 - rows), (half, 30, 55, SMALL[0] - 1 - half)
+    )
+
+
+def test_fit_windows_under_a_turned_projector() -> None:
+    """A carrier that bends: the constants of the fit change along the row and, between rows of the table, down it."""
+    rig, size = outside_rig(), (640, 480)
+    carrier = Carrier.left(ProjectorMap.build(rig, paper_pattern()), size, 60.0, 2)
+    assert carrier.table.rows.size > 2
+    noise = np.random.default_rng(1).normal(0.0, 2.0, size[::-1])
+    image = (40.0 + 30.0 * np.cos(carrier.phase_rad + 0.7) + noise).astype(np.float32)
+    between = int(carrier.table.rows[:2].mean())
+    check_fit(image, carrier, (2, between, 203, 477), (carrier.half_width_px, 100, 317, 639 - carrier.half_width_px))
+
+
+@pytest.mark.parametrize("size", [5, 6, 7, 8, 16, 17, 31])
+def test_window_sums_by_doubling(size: int) -> None:
+    width = 40
+    columns = np.random.default_rng(size).normal(0.0, 50.0, (4, width)).astype(np.float32)
+    sums = np.zeros((4, 4 * width), dtype=np.float32)
+    sum_windows(columns, size, sums)
+    for k, values in enumerate(columns.astype(np.float64)):
+        windows = np.lib.stride_tricks.sliding_window_view(values, size)
+        found = slice(k * width, k * width + windows.shape[0])
+        # a sum of 31 values of 50 in float32; the ramp multiplies by up to 15
+        np.testing.assert_allclose(sums[0, found], windows.sum(axis=1), atol=1e-3)
+        if k >= 2:
+            np.testing.assert_allclose(sums[1, found], windows @ (np.arange(size) - size // 2), atol=2e-2)
 
 
 def test_windows_that_leave_the_image_are_unusable() -> None:
     carrier = carrier_of()
-    fit = fitted(fringes(carrier), carrier)
-    inside = np.zeros(fit.shape[1:], dtype=bool)
+    planes = fitted(fringes(carrier), carrier)
+    inside = np.zeros(SMALL[::-1], dtype=bool)
     inside[2:-2, carrier.half_width_px : -carrier.half_width_px] = True
-    np.testing.assert_array_equal(fit[3] == UNUSABLE, ~inside)
+    np.testing.assert_array_equal(planes.inside(VARIANCE) == UNUSABLE, ~inside)
+    margin = planes.values[VARIANCE].copy()
+    margin[planes.pad_y : -planes.pad_y, planes.pad_x : -planes.pad_x] = UNUSABLE
+    assert (margin == UNUSABLE).all()
+
+
+def test_planes_are_used_again() -> None:
+    """The second image's phase does not know of the first; what the Shot keeps is no part of the planes."""
+    carrier = carrier_of()
+    planes = FitPlanes.of(carrier)
+    first = phase_from_single(fringes(carrier, seed=5), carrier, 0.0, Settings(), planes)
+    kept = first.background.copy(), first.status.copy()
+    image = fringes(carrier, 0.03, seed=6)
+    image[:, 60:] = 20.0
+    second, alone = (phase_from_single(image, carrier, 0.0, Settings(), used) for used in (planes, None))
+    for name in ("offset_rad", "amplitude", "background", "sigma_rad", "status"):
+        np.testing.assert_array_equal(getattr(second, name), getattr(alone, name))
+    np.testing.assert_array_equal(first.background, kept[0])
+    np.testing.assert_array_equal(first.status, kept[1])
+
+
+def slow_slope(offset: Array, variance: Array) -> float:
+    """Change over two steps from the pair of the windows -2..2 whose worse fit is best; 0 if the centre fits better."""
+    pairs = (
+        (max(variance[1], variance[3]), offset[3] - offset[1]),
+        (1.5 * max(variance[0], variance[2]), offset[2] - offset[0]),
+        (1.5 * max(variance[2], variance[4]), offset[4] - offset[2]),
+    )
+    worst, change = min(pairs, key=lambda pair: pair[0])
+    return 0.0 if worst > 4.0 * variance[2] + 4.0 else float(np.angle(np.exp(1j * change)))
+
+
+def test_slopes_come_from_the_pair_that_fits() -> None:
+    """Two surfaces with an edge between them: slopes along and down, of the plain definition."""
+    carrier = carrier_of()
+    image = fringes(carrier, 0.05)
+    image[18:, 40:] = fringes(carrier, -0.04, seed=1)[18:, 40:] * 0.7
+    planes = fitted(image, carrier)
+    offset, variance = (planes.values[k].astype(np.float64) for k in (OFFSET, VARIANCE))
+    quarter, step = planes.pad_x // 2, planes.pad_y // 2
+    limit = 0.6 * np.abs(carrier.rad_per_px)
+    shifts = np.arange(-2, 3)
+    for y, x in np.argwhere(planes.inside(VARIANCE) < UNUSABLE)[::7]:
+        at_y, at_x = y + planes.pad_y, x + planes.pad_x
+        along = slow_slope(*(plane[at_y, at_x + quarter * shifts] for plane in (offset, variance))) / (2 * quarter)
+        down = slow_slope(*(plane[at_y + step * shifts, at_x] for plane in (offset, variance))) / (2 * step)
+        # differences of float32 angles, and the factor of the penalty, decide between pairs that fit equally well
+        assert planes.inside(ALONG)[y, x] == pytest.approx(np.clip(along, -limit[y, x], limit[y, x]), abs=1e-5)
+        assert planes.inside(DOWN)[y, x] == pytest.approx(down, abs=1e-5)
 
 
 def test_detuned_fringe_leaves_no_residual() -> None:
@@ -80,7 +166,7 @@ def test_detuned_fringe_leaves_no_residual() -> None:
     carrier = carrier_of()
     x = np.arange(SMALL[0])
     image = (100.0 + 60.0 * np.cos(carrier.phase_rad + 0.05 * carrier.rad_per_px * (x - 48.0))).astype(np.float32)
-    inside = fitted(image, carrier)[3, 2:-2, carrier.half_width_px : -carrier.half_width_px]
+    inside = fitted(image, carrier).inside(VARIANCE)[2:-2, carrier.half_width_px : -carrier.half_width_px]
     # Taylor's next term, b (w e t)^2 / 2 with t up to 8 px, squared and averaged: below 0.15 grey levels.
     assert np.sqrt(inside.max()) < 0.15
 
@@ -127,30 +213,47 @@ def slow_choice(variance: Float32, y: int, x: int, half_width: int, half_height:
     return min(ranked)[2:]
 
 
+def picked(carrier: Carrier, fits: dict[int, Array | float]) -> tuple[FitPlanes, PhaseImage]:
+    """What pixels take from given fits, all over the image."""
+    planes = FitPlanes.of(carrier)
+    for plane, values in fits.items():
+        planes.inside(plane)[:] = values
+    image = np.zeros(SMALL[::-1], dtype=np.float32)
+    return planes, picked_phase(image, carrier, 0.0, Settings(min_amplitude_to_noise=0.0), planes)
+
+
 def test_pick_windows_takes_the_best_fit_and_carries_its_phase() -> None:
+    carrier = carrier_of()
     rng = np.random.default_rng(3)
-    shape = (20, 60)
-    ranges = ((0.3, 0.3), (50, 150), (20, 70), (1, 40))
-    fit = np.stack([rng.uniform(*limits, shape) for limits in ranges]).astype(np.float32)
-    slope = np.stack([np.full(shape, 0.02), np.full(shape, -0.03)]).astype(np.float32)
-    picked = np.empty((4, *shape), dtype=np.float32)
-    pick_windows(fit, fit[0], slope, 8, 2, 85, np.float32(0.0), picked)
+    shape = SMALL[::-1]
+    # a tenth fits far better than the rest, so nearly no centred window is good as it is
+    variance = np.where(rng.random(shape) < 0.1, 0.1, 1.0) * rng.uniform(20.0, 40.0, shape)
+    fits = {CARRIED: 0.3, BACKGROUND: rng.uniform(50, 150, shape), AMPLITUDE: rng.uniform(20, 70, shape)}
+    planes, found = picked(carrier, {**fits, VARIANCE: variance, ALONG: 0.02, DOWN: -0.03})
+    good = 1.3 * planes.typical_variance(carrier)
+    fitted_variance = planes.inside(VARIANCE)
+    shifted = 0
     for y in range(shape[0]):
         for x in range(shape[1]):
-            at = slow_choice(fit[3], y, x, 8, 2)
-            assert tuple(picked[1:, y, x]) == tuple(fit[1:, at[0], at[1]])
+            needs_none = fitted_variance[y, x] <= good
+            at = (y, x) if needs_none else slow_choice(fitted_variance, y, x, carrier.half_width_px, 2)
+            shifted += at != (y, x)
+            assert found.background[y, x] == planes.inside(BACKGROUND)[at]
+            assert found.amplitude[y, x] == planes.inside(AMPLITUDE)[at]
+            # 85 samples and two unknowns that matter: sigma of the phase is noise / amplitude * sqrt(2 / 85)
+            expected = np.sqrt(fitted_variance[at] * 2.0 / 85.0) / found.amplitude[y, x]
+            assert found.sigma_rad[y, x] == pytest.approx(expected, rel=1e-5)
             carried = 0.3 + 0.02 * (x - at[1]) - 0.03 * (y - at[0])
-            assert picked[0, y, x] == pytest.approx(carried, abs=1e-5)
+            assert found.offset_rad[y, x] == pytest.approx(carried, abs=1e-5)
+    assert shifted > 100
 
 
 def test_good_windows_need_no_rival() -> None:
-    shape = (12, 40)
-    fit = np.full((4, *shape), 5.0, dtype=np.float32)
-    fit[0] = 0.0
-    fit[3, 6, 24] = 1.0
-    picked = np.empty((4, *shape), dtype=np.float32)
-    pick_windows(fit, fit[0], np.zeros((2, *shape), dtype=np.float32), 8, 2, 85, np.float32(6.0), picked)
-    np.testing.assert_array_equal(picked[3], fit[3])
+    variance = np.full(SMALL[::-1], 5.0)
+    variance[6, 24] = 1.0
+    _, found = picked(carrier_of(), {AMPLITUDE: 10.0, VARIANCE: variance})
+    # rounding of the square root
+    np.testing.assert_allclose((found.sigma_rad * 10.0) ** 2 * 85.0 / 2.0, variance, rtol=1e-5)
 
 
 def test_window_does_not_straddle_a_jump() -> None:
