@@ -15,6 +15,7 @@ INSTALL_REQUIRES = [
     'pybullet-arm64; python_version >= "3.12"',
     "PyYAML",
     "rosbags>=0.11",
+    "tqdm",
 ]
 DEV_REQUIRES = [
     "colcon-common-extensions",
@@ -23,7 +24,6 @@ DEV_REQUIRES = [
     "mypy",
     "pytest",
     "ruff",
-    "tqdm",
     "types-PyYAML",
 ]
 DATA_FOLDERS = ("config", "launch", "rviz", "urdf")
@@ -32,6 +32,7 @@ EXECUTABLES = [
     "reconstruction = moire_sensor.ros.reconstruction_node:main",
     "capture_player = moire_sensor.ros.capture_player_node:main",
     "record_bag = moire_sensor.ros.bag_recorder:main",
+    "reconstruct_bag = moire_sensor.ros.reconstruct_bag:main",
 ]
 
 setup(
@@ -46,7 +47,8 @@ setup(
     ],
     python_requires=">=3.11,<3.14",
     install_requires=INSTALL_REQUIRES,
-    extras_require={"dev": DEV_REQUIRES},
+    # reconstruct_bag --scheduler works on a Dask cluster.
+    extras_require={"dev": DEV_REQUIRES, "cluster": ["distributed"]},
     zip_safe=False,
     maintainer="moire_sensor maintainers",
     maintainer_email="maintainers@example.org",

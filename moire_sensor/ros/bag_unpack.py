@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import lz4.frame  # type: ignore[import-untyped]
+# Both come with rosbags.
+import lz4.frame
 
 from moire_sensor.errors import CaptureError
 from moire_sensor.ros.bag_message import MAX_RECORD_BYTES
