@@ -15,7 +15,6 @@ from moire_sensor.paper_rig import PERIOD_PX, PROJECTOR_SIZE
 from moire_sensor.pattern import MIN_PERIOD_PX, WAVEFORMS, FringePattern
 from moire_sensor.phase_steps import needed_frames
 from moire_sensor.resources import resource_path
-from moire_sensor.ros.camera_messages import FRAMES
 from moire_sensor.ros.diagnostics import OK, WARN, DiagnosticsPublisher, status_of
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.head_publisher import HeadPublisher
@@ -23,6 +22,7 @@ from moire_sensor.ros.image_messages import image_message
 from moire_sensor.ros.parameters import ParameterSpec, declare, refuse_unknown
 from moire_sensor.ros.projector_state import MAX_STEP_COUNT, state_of_exposure
 from moire_sensor.ros.qos import latched_qos, overridable, publisher_qos
+from moire_sim.turns import seconds_to_turn
 from moire_sim.virtual_head import HeadOptions, VirtualHead
 
 USAGE = """
@@ -44,6 +44,16 @@ SPECS = (
     ParameterSpec("bits", HeadOptions.bits, "of the images: 8 (mono8) or 16 (mono16)", 8, 16, read_only=True),
     ParameterSpec("pan_rad", 0.0, "turn of the head, positive to the left, rad", -3.15, 3.15, read_only=True),
     ParameterSpec("tilt_rad", 0.0, "nod of the head, positive down, rad", -3.15, 3.15, read_only=True),
+    ParameterSpec(
+        "start_offset",
+        0.0,
+        "share of the period by which exposures follow its whole multiples on the clock, so that "
+        "heads take turns: 0 and 0.5 for two",
+        0.0,
+        1.0,
+        read_only=True,
+    ),
+    ParameterSpec("frame_prefix", "", "put before the names of all frames, for several heads: left/", read_only=True),
     ParameterSpec("frames", 0, "exposures to make, then idle; 0: no end", 0, 2**31 - 1, read_only=True),
     ParameterSpec(
         "wait_for_subscribers", 0, "subscribers of images and state to wait for first; 0: none", 0, 100, read_only=True
@@ -66,7 +76,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         self._exposures = 0
         self._laser_on = True
         self._awaited: int = values["wait_for_subscribers"]
-        self._publisher = HeadPublisher(self, self._head.rig, PROJECTOR_SIZE)
+        self._publisher = HeadPublisher(self, self._head.rig, PROJECTOR_SIZE, values["frame_prefix"])
         self._joints = self._make_publisher(JointState, "joint_states")
         self._truth = self._make_publisher(Image, "ground_truth/depth")
         self._diagnostics = DiagnosticsPublisher(self)
@@ -77,7 +87,9 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         self._expose_first()
         self.create_timer(DIAGNOSTICS_PERIOD_S, self._diagnose)
         if values["rate_hz"] > 0.0:
-            self.create_timer(1.0 / values["rate_hz"], self._tick)
+            now_ns = self.get_clock().now().nanoseconds
+            wait_s = seconds_to_turn(now_ns, values["rate_hz"], values["start_offset"])
+            self._first_turn = self.create_timer(wait_s, self._begin_turns)
         self.get_logger().info(
             f"ready: scene {values['scene']}, {values['rate_hz']:g} Hz, {values['phase_steps']} step(s)"
         )
@@ -101,6 +113,12 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         for step in range(self._pattern.step_count):
             self._head.expose(self._pattern, step)
 
+    def _begin_turns(self) -> None:
+        """At the first turn: expose at each one from now on."""
+        self.destroy_timer(self._first_turn)
+        self.create_timer(1.0 / self._values["rate_hz"], self._tick)
+        self._tick()
+
     def _tick(self) -> None:
         if not self._publisher.has_audience(self._awaited):
             return
@@ -121,7 +139,9 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         self._joints.publish(JointState(header=Header(stamp=stamp), name=list(JOINTS), position=pan_tilt_rad))
         self._publisher.publish(stamp, left, right, state_of_exposure(self._pattern, step, self._laser_on))
         if self._truth.get_subscription_count():
-            self._truth.publish(image_message(Header(stamp=stamp, frame_id=FRAMES["left"]), self._head.depth_m))
+            self._truth.publish(
+                image_message(Header(stamp=stamp, frame_id=self._publisher.frames["left"]), self._head.depth_m)
+            )
 
     def _enable_projector(self, request: Any, response: Any) -> Any:
         self._laser_on = request.data

@@ -48,12 +48,13 @@ def spin_until(node: Node, happened: Callable[[], bool], what: str, timeout_s: f
         executor.shutdown()
 
 
-def start(name: str, *parameters: str) -> subprocess.Popen[str]:
-    """Start an executable of this package with parameters such as ``"rate_hz:=10"``."""
+def start(name: str, *parameters: str, namespace: str = "") -> subprocess.Popen[str]:
+    """Start an executable of this package with parameters such as ``"rate_hz:=10"``, perhaps in a namespace."""
     arguments = ["--ros-args", *(part for parameter in parameters for part in ("-p", parameter))]
+    arguments += ["-r", f"__ns:={namespace}"] if namespace else []
     path = Path(sysconfig.get_path("scripts")) / name
     return subprocess.Popen(
-        [str(path), *(arguments if parameters else [])],
+        [str(path), *(arguments if len(arguments) > 1 else [])],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

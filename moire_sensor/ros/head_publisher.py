@@ -23,10 +23,13 @@ ENCODING_OF = {pixel: encoding for encoding, pixel in GREY_TYPES.items()}
 class HeadPublisher:
     """Publish exposures of a rectified rig on a head's topics.
 
-    ``projector_size`` : (width, height) of the projector's device in pixels, for its camera info.
+    ``projector_size`` : (width, height) of the projector's device in pixels, for its camera info. ``frame_prefix``
+    stands before the names of all frames.
     """
 
-    def __init__(self, node: Any, rig: StereoRig, projector_size: tuple[int, int]) -> None:
+    def __init__(self, node: Any, rig: StereoRig, projector_size: tuple[int, int], frame_prefix: str = "") -> None:
+        self.frames = {device: frame_prefix + frame for device, frame in FRAMES.items()}
+        self._frame_prefix = frame_prefix
         self._rig = rig
         self._projector_size = projector_size
         self._heard_at_s: float | None = None
@@ -54,15 +57,18 @@ class HeadPublisher:
 
     def publish_infos(self, stamp: Any) -> None:
         """Publish the three camera infos; they stay available to those who subscribe later."""
-        for device, info in camera_infos(self._rig, Header(stamp=stamp), self._projector_size).items():
+        for device, info in self._infos_at(stamp).items():
             self._infos[device].publish(info)
+
+    def _infos_at(self, stamp: Any) -> dict[str, CameraInfo]:
+        return camera_infos(self._rig, Header(stamp=stamp), self._projector_size, self._frame_prefix)
 
     def publish(self, stamp: Any, left: GreyImage, right: GreyImage, state: ProjectorState) -> None:
         """Publish one exposure: camera infos and state first, then the images (H, W), uint8 or uint16."""
         self.publish_infos(stamp)
-        self._state.publish(state_message(Header(stamp=stamp, frame_id=FRAMES["projector"]), state))
+        self._state.publish(state_message(Header(stamp=stamp, frame_id=self.frames["projector"]), state))
         for side, image in (("left", left), ("right", right)):
-            header = Header(stamp=stamp, frame_id=FRAMES[side])
+            header = Header(stamp=stamp, frame_id=self.frames[side])
             self._images[side].publish(image_message(header, image, ENCODING_OF[image.dtype]))
 
     def wait_until_received(self, seconds: float) -> bool:

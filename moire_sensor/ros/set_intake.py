@@ -77,6 +77,7 @@ class SetIntake:
         if frames is None:
             ledger.count(GATHERING)
             return None
-        stamp = frames[len(frames) // 2].item.left.header.stamp
-        header = Header(stamp=stamp, frame_id=FRAMES["left"])
+        middle = frames[len(frames) // 2].item.left.header
+        # Real cameras name their frames as they like; the rectified view keeps the left one's, as image_proc does.
+        header = Header(stamp=middle.stamp, frame_id=middle.frame_id or FRAMES["left"])
         return Job(header, frames, calibration, settings, output, time.monotonic())
