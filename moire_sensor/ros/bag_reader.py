@@ -14,7 +14,7 @@ from moire_sensor.errors import CaptureError
 from moire_sensor.ros.bag_mcap import McapFile
 from moire_sensor.ros.bag_message import BagMessage, RecordedTopic
 from moire_sensor.ros.bag_metadata import FILE, Metadata, read_metadata
-from moire_sensor.ros.bag_sqlite import SqliteFile
+from moire_sensor.ros.bag_sqlite import SqliteFile, copy_of_cut_file, missing_bytes
 from moire_sensor.ros.bag_unpack import unpack_file, unpack_message
 
 STORAGES: dict[str, type[McapFile] | type[SqliteFile]] = {".mcap": McapFile, ".db3": SqliteFile}
@@ -116,7 +116,8 @@ class Bag:
     def _open(self, path: Path) -> None:
         """Open one storage file; what is wrong with it is noted."""
         try:
-            file = STORAGES[self._kind(path)](self._unpacked(path))
+            kind = self._kind(path)
+            file = STORAGES[kind](self._prepared(path, kind))
         except (CaptureError, OSError) as error:
             self.damages.append(str(error))
             return
@@ -132,16 +133,19 @@ class Bag:
             raise CaptureError(f"{path} is no .mcap or .db3 file")
         return kind
 
-    def _unpacked(self, path: Path) -> Path:
-        """Return the file, uncompressed into the scratch folder if need be."""
-        if path.suffix != PACKED:
-            return path
+    def _prepared(self, path: Path, kind: str) -> Path:
+        """Return the file or, where it is compressed or cut short, a copy in the scratch folder that can be read."""
         target = Path(self._scratch.name) / f"{len(self._files)}_{path.name.removesuffix(PACKED)}"
-        room = int(SPACE_SHARE * shutil.disk_usage(target.parent).free)
-        problem = unpack_file(path, target, room)
-        if problem:
-            self.damages.append(f"{path.name} {problem}")
-        return target
+        if path.suffix == PACKED:
+            room = int(SPACE_SHARE * shutil.disk_usage(target.parent).free)
+            problem = unpack_file(path, target, room)
+            if problem:
+                self.damages.append(f"{path.name} {problem}")
+            path = target
+        if kind == ".db3" and (missing := missing_bytes(path)):
+            self.damages.append(f"{path.name}: its last {missing} bytes are missing")
+            path = copy_of_cut_file(path, target.with_suffix(".cut"))
+        return path
 
 
 def storage_files(folder: Path) -> list[Path]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
+import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,8 +16,34 @@ import numpy.typing as npt
 from moire_sensor.errors import CaptureError
 from moire_sensor.ros.bag_message import MAX_RECORD_BYTES, BagMessage, RecordedTopic
 
+# Page size, change counter, number of pages, and the change that this number is valid for.
+HEADER = struct.Struct(">16xH6xII60xI")
+PAGES_OFFSET, LARGEST_PAGE_BYTES = 28, 65536
 # A damaged table does not tell its length: so many unreadable rows after another are taken for its end.
 GAP_ROWS = 1000
+
+
+def missing_bytes(path: Path) -> int:
+    """Return how many bytes of an SQLite file are missing at its end, by what its header tells."""
+    with path.open("rb") as file:
+        header = file.read(HEADER.size)
+    if len(header) < HEADER.size:
+        return 0
+    page_bytes, changes, pages, valid_for = HEADER.unpack(header)
+    # An old library leaves the number of pages as it was; then the file's own size is what counts.
+    promised = pages * (page_bytes if page_bytes > 1 else LARGEST_PAGE_BYTES) if changes == valid_for else 0
+    return max(0, int(promised) - path.stat().st_size)
+
+
+def copy_of_cut_file(path: Path, target: Path) -> Path:
+    """Copy a file cut short so that the library refuses what is missing; it would read zeros instead."""
+    shutil.copyfile(path, target)
+    with target.open("r+b") as file:
+        page_bytes = HEADER.unpack(file.read(HEADER.size))[0]
+        pages = target.stat().st_size // (page_bytes if page_bytes > 1 else LARGEST_PAGE_BYTES)
+        file.seek(PAGES_OFFSET)
+        file.write(pages.to_bytes(4, "big"))
+    return target
 
 
 @dataclass
