@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 from std_msgs.msg import Header
@@ -40,6 +42,8 @@ class Health:
         self._tally = Tally()
         self._report = Report()
         self._facts: tuple[float, dict[str, Any]] = (0.0, {})
+        self._alignment: dict[str, Any] = {}
+        self._checked_s = -math.inf
         self._silent: set[str] = set()
 
     def count(self, name: str, number: int = 1) -> None:
@@ -55,13 +59,20 @@ class Health:
         """Count a set refused for an error."""
         self.refuse(REASONS.get(type(error), "bad settings"), str(error))
 
+    def note_alignment(self, measure: Callable[[], dict[str, Any]]) -> None:
+        """In the worker's thread: measure what is too dear for every set, once in ``check_period_s``."""
+        now_s = time.monotonic()
+        if now_s - self._checked_s >= self.limits.check_period_s:
+            self._checked_s = now_s
+            self._alignment = measure()
+
     def note_result(self, header: Header, taken_s: float, facts: dict[str, Any]) -> None:
         """A result was published whose set was whole at ``taken_s`` of ``time.monotonic``."""
         now_s = time.monotonic()
         stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
         age_s = float(self._node.get_clock().now().nanoseconds - stamp_ns) * 1e-9
         self._tally.add_latency(age_s, now_s - taken_s)
-        self._facts = (now_s, facts)
+        self._facts = (now_s, facts | self._alignment)
         self._tally.count(RECONSTRUCTED)
 
     def watch(self, inputs: HeadInputs) -> bool:

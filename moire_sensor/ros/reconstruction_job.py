@@ -17,6 +17,7 @@ from moire_sensor.ros.reconstruction_settings import OutputSettings, SensorSetti
 from moire_sensor.ros.sensor_cache import Calibration, SensorCache
 from moire_sensor.ros.shot_facts import shot_facts
 from moire_sensor.shot import Shot
+from moire_sensor.view_alignment import measure_alignment
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,16 @@ def reconstruct(job: Job, cache: SensorCache) -> Result:
     if len(pairs) == 1:
         return Result(sensor, sensor.reconstruct(left[0], right[0], first_step))
     return Result(sensor, sensor.reconstruct(np.stack(left), np.stack(right), first_step))
+
+
+def alignment_facts(job: Job, result: Result, cache: SensorCache) -> dict[str, Any]:
+    """Return row offset and period error of the middle exposure, for the diagnostics; see ``view_alignment``."""
+    frame = job.frames[len(job.frames) // 2]
+    left, right = cache.pair(job.calibration).rectify(*grey_pair(frame.item, job.calibration))
+    pattern, _ = pattern_of((frame.state,))
+    sensor = result.sensor
+    found = measure_alignment(sensor.rig, pattern, left, right, result.shot.depth_m, sensor.depth_range_m)
+    return {"row offset px": found.row_offset_px, "period error": found.period_error}
 
 
 def grey_pair(exposure: Exposure, calibration: Calibration) -> tuple[GreyImage, GreyImage]:

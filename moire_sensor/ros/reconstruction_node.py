@@ -21,7 +21,7 @@ from moire_sensor.ros.lifecycle import ManagedNode
 from moire_sensor.ros.parameters import changed_values, declare, refuse_unknown
 from moire_sensor.ros.qos import destroy_publisher, overridable, publisher_maker, publisher_qos
 from moire_sensor.ros.reconstruction_health import Health
-from moire_sensor.ros.reconstruction_job import Job, reconstruct
+from moire_sensor.ros.reconstruction_job import Job, alignment_facts, reconstruct
 from moire_sensor.ros.reconstruction_report import SUPERSEDED, UNWATCHED
 from moire_sensor.ros.reconstruction_settings import SPECS, read_settings
 from moire_sensor.ros.result_publisher import ResultPublisher
@@ -170,12 +170,12 @@ class ReconstructionNode(ManagedNode):
             result = reconstruct(job, self._cache)
             if results is not None:
                 results.publish(job.header, result.sensor, result.shot, job.output)
+            health.note_result(job.header, job.taken_s, result.facts())
+            health.note_alignment(lambda: alignment_facts(job, result, self._cache))
         except MoireError as error:
             health.refuse_for(error)
         except Exception:
             health.refuse("internal error", traceback.format_exc())
-        else:
-            health.note_result(job.header, job.taken_s, result.facts())
 
     def _supersede(self, number: int) -> None:
         self._health.count(SUPERSEDED, number)

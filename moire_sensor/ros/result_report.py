@@ -79,13 +79,19 @@ def row_status(facts: dict[str, Any], limits: Thresholds) -> DiagnosticStatus:
 
 
 def period_status(facts: dict[str, Any], limits: Thresholds) -> DiagnosticStatus:
-    """Return whether the fringes have the period that projector/state tells, as the last check found."""
+    """Return whether the fringes have the period that projector/state tells, as the last check found.
+
+    A period one percent off already makes the views disagree everywhere, so that all depth is refused; the size of the
+    error is then known to some percent only.
+    """
     error = facts.get("period error", math.nan)
     values = {"period error": error, "warn_period_error": limits.warn_period_error}
     values |= {name: facts[name] for name in ("phase mismatch rad", "fringe period px") if name in facts}
+    if facts.get("ambiguous share") == 1.0 or abs(error) > limits.warn_period_error:
+        text = f"the fringes seem {error:+.1%} longer than projector/state tells: check its period, or the calibration"
+        if not abs(error) > limits.warn_period_error:
+            text = "left, right and projector do not fit each other: check period, calibration, and for swapped cameras"
+        return status_of("period mismatch", WARN, text, values)
     if math.isnan(error):
         return status_of("period mismatch", OK, "not measured: no result lately, or no fringes", values)
-    if abs(error) > limits.warn_period_error:
-        text = f"the fringes are {error:+.1%} longer than projector/state tells: check its period, or the calibration"
-        return status_of("period mismatch", WARN, text, values)
     return status_of("period mismatch", OK, f"{error:+.2%}", values)

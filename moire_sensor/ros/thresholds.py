@@ -27,7 +27,7 @@ class Thresholds:
     warn_saturated_share: float = setting(0.05, 0.0, 1.0, "share of saturated pixels from which to warn")
     warn_dark_share: float = setting(0.5, 0.0, 1.0, "share of pixels without visible fringes from which to warn")
     warn_row_offset_px: float = setting(0.5, 0.05, 10.0, "offset of the rows of left and right to warn from, pixels")
-    warn_period_error: float = setting(0.03, 0.001, 1.0, "relative error of the fringe period from which to warn")
+    warn_period_error: float = setting(0.04, 0.001, 1.0, "relative error of the fringe period from which to warn")
     check_period_s: float = setting(5.0, 0.1, 3600.0, "time between measurements of row offset and fringe period, s")
 
     def __post_init__(self) -> None:
