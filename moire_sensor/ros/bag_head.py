@@ -64,7 +64,7 @@ class BagHead:
         self._limits = read_thresholds(dict(values))
         self._streams = {f"{namespace}/{topic}": stream for stream, (topic, _) in STREAM_TOPICS.items()}
         self._devices = {f"{namespace}/{topic}": device for device, topic in INFO_TOPICS.items()}
-        self._sets = HeadSets(self._take)
+        self._sets = HeadSets(self._take, values["input_rectified"])
         self._intake = SetIntake()
         self._jobs: list[Job] = []
         self._cache = SensorCache()

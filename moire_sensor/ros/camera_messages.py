@@ -65,3 +65,14 @@ def camera_info(
     message.r = np.eye(3).ravel().tolist()
     message.p = np.ravel(P).tolist()
     return message
+
+
+def info_of_rectified(info: CameraInfo) -> CameraInfo:
+    """Return the info of a camera whose images are rectified already, as image_proc makes them: P alone counts."""
+    message = CameraInfo(header=info.header, width=info.width, height=info.height)
+    message.distortion_model, message.d = info.distortion_model, []
+    message.k = np.reshape(info.p, (3, 4))[:, :3].ravel().tolist()
+    message.r = np.eye(3).ravel().tolist()
+    message.p = info.p
+    message.binning_x, message.binning_y, message.roi = info.binning_x, info.binning_y, info.roi
+    return message

@@ -29,7 +29,7 @@ class HeadInputs:
     """
 
     def __init__(self, node: Any, reliable: bool, take: Taker, refuse: Refuser) -> None:
-        self.sets = HeadSets(take)
+        self.sets = HeadSets(take, node.get_parameter("input_rectified").value)
         self._node = node
         self._refuse = refuse
         self._subscriptions: list[Any] = []

@@ -8,6 +8,7 @@ from typing import Any
 
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
+from moire_sensor.ros.camera_messages import info_of_rectified
 from moire_sensor.ros.sensor_cache import Calibration, calibration_of
 from moire_sensor.ros.set_matcher import MatchedSet, SetMatcher
 
@@ -31,10 +32,12 @@ def stamp_ns(message: Any) -> int:
 class HeadSets:
     """Take the messages of a head as they come; ``take`` is called with each whole set.
 
-    With the set comes the calibration in force, None where a camera info is still missing after a while.
+    With the set comes the calibration in force, None where a camera info is still missing after a while. Camera infos
+    tell of raw images, unless the images come ``rectified`` already.
     """
 
-    def __init__(self, take: Taker) -> None:
+    def __init__(self, take: Taker, rectified: bool = False) -> None:
+        self._rectified = rectified
         self.matcher: SetMatcher[Any] = SetMatcher(tuple(STREAM_TOPICS))
         self._take = take
         self._infos: dict[str, CameraInfo] = {}
@@ -67,7 +70,7 @@ class HeadSets:
 
     def add_info(self, device: str, message: CameraInfo) -> None:
         """Take the camera info of ``"left"``, ``"right"`` or ``"projector"``; it holds until the next."""
-        self._infos[device] = message
+        self._infos[device] = info_of_rectified(message) if self._rectified and device != "projector" else message
         self._calibration = None
         self._release()
 

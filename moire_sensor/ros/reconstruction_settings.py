@@ -47,6 +47,12 @@ SPECS = (
         "subscribe reliable with depth 10 instead of sensor data with depth 5, so that nothing is lost",
         read_only=True,
     ),
+    ParameterSpec(
+        "input_rectified",
+        False,
+        "the images are rectified already, as by image_proc; false: the node rectifies them by their camera infos",
+        read_only=True,
+    ),
     *specs_of(Thresholds),
     *specs_of(NavSettings),
     *specs_of(Settings),
