@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import resource
 import signal
+import sysconfig
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -13,14 +16,16 @@ from ros_process import ros_node, spin_until, start, stop
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import Image
+from small_disk import start_on_small_disk
 from std_msgs.msg import Header, String
 
 from moire_sensor.errors import CaptureError, SettingsError
 from moire_sensor.ros.bag_message import header_stamp_ns
 from moire_sensor.ros.bag_player import BagPlayer
-from moire_sensor.ros.bag_reader import read_messages
+from moire_sensor.ros.bag_reader import Bag, read_messages
 from moire_sensor.ros.bag_recorder import BagRecorder
 from moire_sensor.ros.bag_topics import HEAD_TOPICS, RESULT_TOPICS, topics_named
+from moire_sensor.ros.bag_writer import BagWriter, Limits
 
 IMAGES: dict[int, bytes] = {}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -169,3 +174,79 @@ def test_stamp_of_both_byte_orders() -> None:
     header.stamp.sec, header.stamp.nanosec = 7, 9
     assert header_stamp_ns(bytes(serialize_message(header))) == 7_000_000_009
     assert header_stamp_ns(b"\0\0\0\0" + (7).to_bytes(4, "big") + (9).to_bytes(4, "big")) == 7_000_000_009
+
+
+@pytest.mark.parametrize(("part_mb", "reserve_mb"), [(1024, 4), (2, 1)])
+def test_full_disk_ends_the_recording_with_a_readable_bag(tmp_path: Path, part_mb: int, reserve_mb: int) -> None:
+    disk = tmp_path / "disk"
+    command = [str(Path(sysconfig.get_path("scripts")) / "record_bag"), "--ros-args"]
+    for parameter in (f"folder:={disk}/bag", "topics:=head", f"part_mb:={part_mb}", f"reserve_mb:={reserve_mb}"):
+        command += ["-p", parameter]
+    process = start_on_small_disk(disk, 12, command)
+    with ros_node("source") as node:
+        images = node.create_publisher(Image, "left/image_raw", 5)
+        big = Image(height=1000, width=1000, encoding="mono8", step=1000, data=bytes(10**6))
+        spin_until(node, lambda: images.get_subscription_count() > 0, "a subscriber of left/image_raw")
+
+        def publish_more() -> bool:
+            images.publish(big)
+            return process.poll() is not None
+
+        spin_until(node, publish_more, "the disk to be full")
+    output = process.communicate()[0]
+    assert process.returncode == 1, output
+    assert f"error: the disk of {disk}/bag is full" in output
+    assert "Traceback" not in output
+    # 12 MB, less what is kept free, in messages of 1 MB; the next would not have fitted.
+    recorded = list(read_messages(disk / "bag"))
+    assert 12 - reserve_mb - 3 <= len(recorded) <= 12 - reserve_mb
+    assert all(message.serialized[-(10**6) :] == bytes(10**6) for message in recorded)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_what_cannot_be_written_costs_only_the_last_part(tmp_path: Path, storage: str) -> None:
+    """A limit on the size of files: the system refuses the very write, as a quota does."""
+    writer = BagWriter(tmp_path / "bag", storage, Limits(part_bytes=1, reserve_bytes=1))
+    data = bytes(serialize_message(Image(data=bytes(300_000))))
+
+    def write(numbers: Iterable[int]) -> None:
+        for number in numbers:
+            writer.write("/image", "sensor_msgs/msg/Image", [QoSProfile(depth=5)], number, data)
+        writer.commit()
+
+    for number in range(3):
+        write([number])
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, old[1]))
+    try:
+        with pytest.raises(CaptureError, match="its 3 complete parts are whole"):
+            write(range(3, 60))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+    with Bag(tmp_path / "bag") as bag:
+        times = [message.time_ns for message in bag.messages()]
+        assert times[:3] == [0, 1, 2]
+        assert times == list(range(len(times)))
+        # An MCAP file is readable as far as it goes; a database that was not closed in order holds nothing.
+        assert len(times) > 3 or storage == "sqlite3"
+        assert any("was broken off while it was written" in damage for damage in bag.damages)
+
+
+def test_a_killed_recorder_leaves_a_readable_bag(tmp_path: Path) -> None:
+    process = start("record_bag", f"folder:={tmp_path / 'bag'}", "topics:=head", "part_mb:=1")
+    try:
+        with ros_node("source") as node:
+            images = node.create_publisher(Image, "left/image_raw", 5)
+            spin_until(node, lambda: images.get_subscription_count() > 0, "a subscriber of left/image_raw")
+            message = Image(height=600, width=1000, encoding="mono8", step=1000, data=bytes(600_000))
+
+            def two_parts() -> bool:
+                images.publish(message)
+                return (tmp_path / "bag" / "bag_1.mcap").exists()
+
+            spin_until(node, two_parts, "two parts of the bag")
+    finally:
+        process.kill()
+        process.communicate()
+    with Bag(tmp_path / "bag") as bag:
+        assert sum(1 for _ in bag.messages()) >= 4

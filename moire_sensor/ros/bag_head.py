@@ -84,6 +84,10 @@ class BagHead:
         jobs, self._jobs = self._jobs, []
         return jobs
 
+    def finish(self) -> None:
+        """Say that no message follows: sets that wait for a camera info are refused, and counted."""
+        self._sets.give_up()
+
     def work(self, job: Job, wanted: Collection[str], now_s: float) -> list[tuple[str, Any]]:
         """Reconstruct; return full topic names and messages, none for a job that is refused and counted.
 

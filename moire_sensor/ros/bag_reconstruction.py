@@ -144,6 +144,8 @@ class BagRun:
             if stop():
                 return False
         self._restore()
+        for head in self._heads:
+            head.finish()
         self._report(last_ns)
         return True
 

@@ -74,6 +74,11 @@ class HeadSets:
         self._calibration = None
         self._release()
 
+    def give_up(self) -> None:
+        """Hand on what still waits for camera infos: none will come any more (the end of a bag)."""
+        while self._held:
+            self._take(self._held.popleft(), self.calibration)
+
     def _release(self) -> None:
         """Hand on what is held once all infos are there; before that, only what is too much to hold."""
         most = HELD_SETS if self.missing_infos else 0
