@@ -8,13 +8,16 @@ few arrays and has no branch, so that the compiler makes vectors of it.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from numba import njit, prange
+import numpy.typing as npt
+from numba import njit
 
 from moire_sensor.angles import fast_atan2, wrap
 
+Float32 = npt.NDArray[np.float32]
 FAST = {"fastmath": True, "error_model": "numpy"}
-BAND_ROWS = 24
 UNUSABLE = np.float32(1e30)
 # Grey levels are taken less this, so that their squares lose less in float32.
 MIDDLE = np.float32(128.0)
@@ -26,35 +29,94 @@ ONE, TWO, ZERO = np.float32(1.0), np.float32(2.0), np.float32(0.0)
 OFFSET, CARRIED, BACKGROUND, AMPLITUDE, VARIANCE, ALONG, DOWN, PLANES = range(8)
 
 
-@njit(parallel=True, cache=True, **FAST)
-def fit_windows(image, cos, sin, table_rows, table, half_width, half_height, planes, pad_y, pad_x):  # type: ignore[no-untyped-def]
-    """Fill ``planes`` (7, H + 2 pad_y, W + 2 pad_x), all but DOWN, where the window lies in the image."""
-    end = image.shape[0] - half_height
-    for band in prange((end - half_height + BAND_ROWS - 1) // BAND_ROWS):
-        first = half_height + np.int64(band) * BAND_ROWS
-        last = min(first + BAND_ROWS, end)
-        fit_band(image, cos, sin, table_rows, table, half_width, half_height, first, last, planes, pad_y, pad_x)
+class CarrierRows(NamedTuple):
+    """What the kernels read of a carrier; see :class:`moire_sensor.phase_carrier.Carrier`."""
+
+    cos: Float32
+    sin: Float32
+    table_rows: npt.NDArray[np.int64]
+    table: Float32
+    half_width: int
+    half_height: int
+
+
+class FitWork(NamedTuple):
+    """Rows that the fits of a band use over and over."""
+
+    columns: Float32
+    sums: Float32
+    fits: Float32
+    constants: Float32
 
 
 @njit(**FAST)
-def fit_band(image, cos, sin, table_rows, table, half_width, half_height, first, last, planes, pad_y, pad_x):  # type: ignore[no-untyped-def]
-    """Fit the rows first <= y < last; the sums over a window's rows move down one row at a time."""
-    width = image.shape[1]
-    samples = (2 * half_width + 1) * (2 * half_height + 1)
+def fit_work(carrier):  # type: ignore[no-untyped-def]
+    """Empty rows for the fits of one band."""
+    width = carrier.cos.shape[1]
     columns = np.zeros((4, width), dtype=np.float32)
     sums = np.zeros((4, 4 * width), dtype=np.float32)
-    fits = np.zeros((5, width - 2 * half_width), dtype=np.float32)
-    constants = table[0].copy()
-    for y in range(first - half_height, first + half_height):
-        add_row(columns, image[y], cos[y], sin[y], ONE)
-    for y in range(first, last):
-        add_row(columns, image[y + half_height], cos[y + half_height], sin[y + half_height], ONE)
-        sum_windows(columns, 2 * half_width + 1, sums)
-        if table_rows.size > 1:
-            between_rows(table_rows, table, y, constants)
-        fit_row(sums, cos[y], sin[y], constants, half_width, samples, fits, planes, y + pad_y, pad_x + half_width)
-        finish_row(constants, half_width, samples, fits, planes, y + pad_y, pad_x + half_width)
-        add_row(columns, image[y - half_height], cos[y - half_height], sin[y - half_height], -ONE)
+    fits = np.zeros((5, width - 2 * carrier.half_width), dtype=np.float32)
+    return FitWork(columns, sums, fits, carrier.table[0].copy())
+
+
+@njit(**FAST)
+def empty_planes(carrier, rows):  # type: ignore[no-untyped-def]
+    """Planes (7, rows, W + 2 margin) without any fit; image row y has row y mod ``rows``.
+
+    The margin, like windows that leave the image, keeps the variance ``UNUSABLE``: no kernel asks for the border.
+    """
+    width = carrier.cos.shape[1] + 2 * margin(carrier.half_width)
+    planes = np.zeros((PLANES, rows, width), dtype=np.float32)
+    planes[VARIANCE] = UNUSABLE
+    return planes
+
+
+@njit(**FAST)
+def margin(half_width):  # type: ignore[no-untyped-def]
+    """Columns that a plane has left and right of the image: half a window, made even."""
+    return 2 * ((half_width + 1) // 2)
+
+
+@njit(**FAST)
+def start_columns(image, carrier, y, work):  # type: ignore[no-untyped-def]
+    """Sums down the columns, ready for the windows centred on row y."""
+    work.columns[:] = ZERO
+    for row in range(y - carrier.half_height, min(y + carrier.half_height, image.shape[0])):
+        add_row(work.columns, image[row], carrier.cos[row], carrier.sin[row], ONE)
+
+
+@njit(**FAST)
+def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
+    """Fit the windows centred on row y, the one after the last, or the one that the columns were started for."""
+    rows = planes.shape[1]
+    if y < carrier.half_height or y >= image.shape[0] - carrier.half_height:
+        planes[VARIANCE, y % rows] = UNUSABLE
+        planes[AMPLITUDE, y % rows] = ZERO
+        return
+    below, above = y + carrier.half_height, y - carrier.half_height
+    samples = (2 * carrier.half_width + 1) * (2 * carrier.half_height + 1)
+    start = margin(carrier.half_width) + carrier.half_width
+    add_row(work.columns, image[below], carrier.cos[below], carrier.sin[below], ONE)
+    sum_windows(work.columns, 2 * carrier.half_width + 1, work.sums)
+    if carrier.table_rows.size > 1:
+        between_rows(carrier.table_rows, carrier.table, y, work.constants)
+    cos, sin = carrier.cos[y], carrier.sin[y]
+    fit_row(work.sums, cos, sin, work.constants, carrier.half_width, samples, work.fits, planes, y % rows, start)
+    finish_row(work.constants, carrier.half_width, samples, work.fits, planes, y % rows, start)
+    add_row(work.columns, image[above], carrier.cos[above], carrier.sin[above], -ONE)
+
+
+@njit(**FAST)
+def slope_down(planes, y, step):  # type: ignore[no-untyped-def]
+    """Fill row y of the plane DOWN, derivative of the offset along y, from windows one and two steps away."""
+    offset, variance, rows = planes[OFFSET], planes[VARIANCE], planes.shape[1]
+    far, near, here = (y - 2 * step) % rows, (y - step) % rows, y % rows
+    after, farther = (y + step) % rows, (y + 2 * step) % rows
+    slopes(
+        offset[far], offset[near], offset[here], offset[after], offset[farther],
+        variance[far], variance[near], variance[here], variance[after], variance[farther],
+        np.float32(0.5 / step), planes[DOWN, here],
+    )  # fmt: skip
 
 
 @njit(**FAST)

@@ -10,12 +10,12 @@ from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_patch import measures_by_stereo, rematch, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.depth_views import orders_fail, typical_mismatch_rad
-from moire_sensor.order_cost import OrderRange, order_costs
-from moire_sensor.order_path import best_orders, next_orders, path_costs
+from moire_sensor.order_range import OrderRange
+from moire_sensor.order_solver import OrderSolver
 from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
-from moire_sensor.phase_single import FitPlanes, phase_from_single
+from moire_sensor.phase_single import phase_from_single
 from moire_sensor.phase_steps import StepFilter, phase_from_steps
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
@@ -51,9 +51,10 @@ class PhasePipeline:
             Carrier.left(self._projector, rig.image_size, middle, settings.half_height_px),
             Carrier.right(self._projector, rig.image_size, middle, settings.half_height_px),
         )
-        self._planes = (FitPlanes.of(self._carriers[0]), FitPlanes.of(self._carriers[1]))
+        self._buffers = np.empty((2, 3, *self._carriers[0].cos.shape), dtype=np.float32)
         self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
         self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
+        self._solver = OrderSolver(self._carriers, self._projector, self._orders, settings.jump_cost)
 
     def example(self, frame_count: int) -> npt.NDArray[np.uint8]:
         """Fringe images (n, H, W) that both cameras could see, to warm up the kernels."""
@@ -64,8 +65,8 @@ class PhasePipeline:
         """Depth of one exposure: images (H, W) float32, grey levels of 255."""
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
         phases = (
-            phase_from_single(left, self._carriers[0], step_rad, self.settings, self._planes[0]),
-            phase_from_single(right, self._carriers[1], step_rad, self.settings, self._planes[1]),
+            phase_from_single(left, self._carriers[0], step_rad, self.settings, self._buffers[0]),
+            phase_from_single(right, self._carriers[1], step_rad, self.settings, self._buffers[1]),
         )
         return self._depth(phases, (left, right), SHADING_SINGLE_RAD)
 
@@ -83,14 +84,12 @@ class PhasePipeline:
         self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], shading_rad: float
     ) -> Shot:
         """Choose the orders, measure, and let orders that are refused give way to the next best."""
-        cost = order_costs(*phases, greys, self._carriers, self._projector, self._orders, shading_rad)
-        total = path_costs(cost, phases[0].offset_rad, self.settings.jump_cost)
-        label, margin = best_orders(total, phases[0].offset_rad)
+        label, margin = self._solver.solve(phases, greys, shading_rad)
         first = self._refine(label, phases)
         greys = (greys[0], right_as_left(greys[1], first.disparity_px, phases))
         match = self._rematch(first, phases, greys)
         refused = (label >= 0) & ~self._unique(match, phases, greys)
-        second = self._refine(next_orders(total, label, refused), phases)
+        second = self._refine(self._solver.second(refused), phases)
         match = merged(match, self._rematch(second, phases, greys), refused)
         unique = np.where(self._unique(match, phases, greys), match.disparity_px, np.float32(np.nan))
         return self._shot(phases, match, margin, without_specks(unique, self.settings.min_segment_px))

@@ -2,76 +2,39 @@
 
 Every pixel has one fit of ``a + b cos(carrier + offset)`` over the window centred on it. A pixel then takes the fit of
 whichever window that contains it fits best (symmetric multiple windows, reference [15] of the paper), so that no window
-straddles a depth or shadow edge, and carries that phase to itself along the local slope.
+straddles a depth or shadow edge, and carries that phase to itself along the local slope. Fits and choice go down a band
+of rows together, so that the fits never leave the cache.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from numba import njit, prange
 
 from moire_sensor.phase_carrier import Carrier, Float32
-from moire_sensor.phase_fit import PLANES, UNUSABLE, VARIANCE, fit_windows
+from moire_sensor.phase_fit import (
+    FAST,
+    VARIANCE,
+    CarrierRows,
+    empty_planes,
+    fit_next,
+    fit_work,
+    slope_down,
+    start_columns,
+)
 from moire_sensor.phase_image import PhaseImage
-from moire_sensor.phase_windows import pick_windows, slopes_down
+from moire_sensor.phase_windows import Choice, pick_row
 from moire_sensor.settings import Settings
 
+# Rows above and below a band are fitted twice: few bands, but enough for four threads.
+BAND_ROWS = 120
 GOOD_SHARE = 1.3
 # Enough windows for the median of their variances: one in so many rows and columns.
-SAMPLED_ROWS, SAMPLED_COLUMNS = 11, 7
-
-
-@dataclass(frozen=True, eq=False)
-class FitPlanes:
-    """Arrays of one camera that every frame fills anew, so that none is allocated.
-
-    Attributes
-    ----------
-    values : (7, H + 2 pad_y, W + 2 pad_x) float32, the fits of :mod:`moire_sensor.phase_fit`. Windows that leave the
-        image are never fitted and keep the variance ``UNUSABLE``; so does the margin, which spares the kernels all
-        questions about the border.
-    results : (3, H, W) float32, offset, amplitude and sigma of the last image.
-    """
-
-    values: Float32
-    results: Float32
-    pad_y: int
-    pad_x: int
-
-    @classmethod
-    def of(cls, carrier: Carrier) -> FitPlanes:
-        """Planes for the images of a carrier."""
-        height, width = carrier.phase_rad.shape
-        pad_y, pad_x = 2 * row_step(carrier), 2 * quarter(carrier)
-        values = np.zeros((PLANES, height + 2 * pad_y, width + 2 * pad_x), dtype=np.float32)
-        values[VARIANCE] = UNUSABLE
-        return cls(values, np.empty((3, height, width), dtype=np.float32), pad_y, pad_x)
-
-    def inside(self, plane: int) -> Float32:
-        """One plane without its margin, (H, W)."""
-        return self.values[plane, self.pad_y : -self.pad_y, self.pad_x : -self.pad_x]
-
-    def typical_variance(self, carrier: Carrier) -> float:
-        """Median variance of the windows that lie inside the image."""
-        y, x = self.pad_y + carrier.half_height_px, self.pad_x + carrier.half_width_px
-        sample = self.values[VARIANCE, y:-y:SAMPLED_ROWS, x:-x:SAMPLED_COLUMNS].ravel()
-        middle = sample.size // 2
-        return float(np.partition(sample, middle)[middle]) if sample.size else 0.0
-
-
-def quarter(carrier: Carrier) -> int:
-    """Columns of a quarter of a window."""
-    return (carrier.half_width_px + 1) // 2
-
-
-def row_step(carrier: Carrier) -> int:
-    """Rows between windows that are compared down a column."""
-    return max(carrier.half_height_px, 1)
+SAMPLED_ROWS, SAMPLED_COLUMNS = 16, 4
 
 
 def phase_from_single(
-    image: Float32, carrier: Carrier, step_rad: float, settings: Settings, planes: FitPlanes | None = None
+    image: Float32, carrier: Carrier, step_rad: float, settings: Settings, buffer: Float32 | None = None
 ) -> PhaseImage:
     """Phase of every pixel of one fringe image.
 
@@ -80,39 +43,84 @@ def phase_from_single(
     image : (H, W) float32, grey levels scaled to 255 at saturation.
     carrier : the camera's carrier.
     step_rad : phase that the projector adds in this exposure.
-    planes : the carrier's; offset, amplitude and sigma of the result lie in them and last until their next use.
+    buffer : (3, H, W) float32 for offset, amplitude and sigma of the result, which last until its next use.
 
     Returns
     -------
     PhaseImage
         NaN phase where the fringe amplitude is below ``settings.min_amplitude`` or the window is saturated.
     """
-    planes = planes or FitPlanes.of(carrier)
-    fit_planes(image, carrier, planes)
-    return picked_phase(image, carrier, step_rad, settings, planes)
-
-
-def fit_planes(image: Float32, carrier: Carrier, planes: FitPlanes) -> None:
-    """Fill the planes with the fits of one image."""
-    fit_windows(
-        image, carrier.cos, carrier.sin, carrier.table.rows, carrier.table.entries, carrier.half_width_px,
-        carrier.half_height_px, planes.values, planes.pad_y, planes.pad_x,
-    )  # fmt: skip
-    slopes_down(planes.values, planes.pad_y, row_step(carrier))
-
-
-def picked_phase(
-    image: Float32, carrier: Carrier, step_rad: float, settings: Settings, planes: FitPlanes
-) -> PhaseImage:
-    """Phase of every pixel from the best of the windows that hold it."""
-    half_width, half_height = carrier.half_width_px, carrier.half_height_px
-    offset, amplitude, sigma = planes.results
+    offset, amplitude, sigma = np.empty((3, *image.shape), dtype=np.float32) if buffer is None else buffer
     background, status = np.empty_like(offset), np.empty(image.shape, dtype=np.uint8)
-    pick_windows(
-        image, planes.values, planes.pad_y, planes.pad_x, half_height * np.array([-1, 0, 1]),
-        np.array([-half_width, -quarter(carrier), 0, quarter(carrier), half_width]),
-        np.float32(GOOD_SHARE * planes.typical_variance(carrier)), np.float32(step_rad),
-        np.float32(settings.min_amplitude), np.float32(settings.min_amplitude_to_noise),
-        (2 * half_width + 1) * (2 * half_height + 1), offset, background, amplitude, sigma, status,
-    )  # fmt: skip
+    rows, choice = carrier_rows(carrier), choice_of(carrier, step_rad, settings)
+    sample = np.zeros((image.shape[0] // SAMPLED_ROWS + 1, image.shape[1]), dtype=np.float32)
+    phase_bands(image, rows, choice, sample, offset, background, amplitude, sigma, status)
     return PhaseImage(offset, amplitude, background, sigma, status)
+
+
+def carrier_rows(carrier: Carrier) -> CarrierRows:
+    """What the kernels read of a carrier."""
+    table = carrier.table
+    return CarrierRows(
+        carrier.cos, carrier.sin, table.rows, table.entries, carrier.half_width_px, carrier.half_height_px
+    )  # fmt: skip
+
+
+def choice_of(carrier: Carrier, step_rad: float, settings: Settings) -> Choice:
+    """How the pixels of an image choose their windows."""
+    half, quarter, half_height = carrier.half_width_px, (carrier.half_width_px + 1) // 2, carrier.half_height_px
+    samples = (2 * half + 1) * (2 * half_height + 1)
+    return Choice(
+        rows=np.repeat(half_height * np.array([-1, 0, 1]), 5),
+        columns=np.tile(np.array([-half, -quarter, 0, quarter, half]), 3),
+        step_rad=np.float32(step_rad),
+        min_amplitude=np.float32(settings.min_amplitude),
+        min_amplitude_to_noise=np.float32(settings.min_amplitude_to_noise),
+        sigma_factor=np.float32(np.sqrt(2.0 / samples)),
+    )
+
+
+@njit(parallel=True, cache=True, **FAST)
+def phase_bands(image, carrier, choice, sample, offset, background, amplitude, sigma, status):  # type: ignore[no-untyped-def]
+    """Fill offset, background, amplitude, sigma and status (H, W).
+
+    What a good fit is, the median over windows all over the image tells: those of every ``SAMPLED_ROWS``-th row, whose
+    variances ``sample`` (n, W) takes.
+    """
+    height, width = image.shape
+    for index in prange(sample.shape[0]):
+        y = min(carrier.half_height + np.int64(index) * SAMPLED_ROWS, height - 1 - carrier.half_height)
+        variances_of_row(image, carrier, y, sample[index])
+    windows = sample[:, carrier.half_width : width - carrier.half_width : SAMPLED_COLUMNS].copy()
+    good = np.float32(GOOD_SHARE * np.median(windows))
+    for band in prange((height + BAND_ROWS - 1) // BAND_ROWS):
+        first = np.int64(band) * BAND_ROWS
+        phase_band(image, carrier, choice, good, first, offset, background, amplitude, sigma, status)
+
+
+@njit(**FAST)
+def variances_of_row(image, carrier, y, variances):  # type: ignore[no-untyped-def]
+    """Variances of the windows centred on one row."""
+    work, planes = fit_work(carrier), empty_planes(carrier, 1)
+    start_columns(image, carrier, y, work)
+    fit_next(image, carrier, y, work, planes)
+    first = (planes.shape[2] - variances.size) // 2
+    variances[:] = planes[VARIANCE, 0][first : first + variances.size]
+
+
+@njit(**FAST)
+def phase_band(image, carrier, choice, good, first, offset, background, amplitude, sigma, status):  # type: ignore[no-untyped-def]
+    """Phase of the rows of one band: fits run ahead of slopes, slopes ahead of the choice of windows."""
+    last = min(first + BAND_ROWS, image.shape[0])
+    step = max(carrier.half_height, 1)
+    ahead = 2 * step + carrier.half_height
+    work, planes = fit_work(carrier), empty_planes(carrier, 4 * step + 1)
+    start_columns(image, carrier, max(first - ahead, carrier.half_height), work)
+    for y in range(first - ahead, last + ahead):
+        fit_next(image, carrier, y, work, planes)
+        slope_down(planes, y - 2 * step, step)
+        at = y - ahead
+        if at >= first:
+            pick_row(
+                image[at], planes, at, choice, good, offset[at], background[at], amplitude[at], sigma[at], status[at]
+            )  # fmt: skip

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from numba import njit, prange
+import numpy.typing as npt
+from numba import njit
 
 from moire_sensor.angles import NAN_SAFE, wrap
 from moire_sensor.phase_fit import (
@@ -13,10 +16,8 @@ from moire_sensor.phase_fit import (
     CARRIED,
     DOWN,
     FAST,
-    OFFSET,
     UNUSABLE,
     VARIANCE,
-    slopes,
 )
 from moire_sensor.shot import Status
 
@@ -32,57 +33,49 @@ CENTRED = 7
 LAST_KEY = np.int32((UNUSABLE.view(np.int32) & ~NUMBERS) | CENTRED)
 
 
-@njit(parallel=True, cache=True, **FAST)
-def slopes_down(planes, pad_y, step):  # type: ignore[no-untyped-def]
-    """Fill the plane DOWN, derivative of the offset along y, from windows one and two steps above and below."""
-    offset, variance = planes[OFFSET], planes[VARIANCE]
-    for row in prange(planes.shape[1] - 2 * pad_y):
-        y = np.int64(row) + pad_y
-        slopes(
-            offset[y - 2 * step], offset[y - step], offset[y], offset[y + step], offset[y + 2 * step],
-            variance[y - 2 * step], variance[y - step], variance[y], variance[y + step], variance[y + 2 * step],
-            np.float32(0.5 / step), planes[DOWN, y],
-        )  # fmt: skip
+class Choice(NamedTuple):
+    """How pixels choose their windows: rows and columns (15,) to the centres, and from what amplitude they are lit."""
 
-
-@njit(parallel=True, cache=True, **FAST)
-def pick_windows(  # type: ignore[no-untyped-def]
-    image, planes, pad_y, pad_x, shift_y, shift_x, good, step_rad, smallest, ratio, samples,
-    offset, background, amplitude, sigma, status,
-):  # fmt: skip
-    """Fill offset, background, amplitude, sigma and status (H, W) from the window around each pixel that fits best.
-
-    Of the windows whose centres lie ``shift_y`` (3,) and ``shift_x`` (5,) away the one that fits best is taken. One
-    centred on the pixel whose variance is below ``good`` needs no rival.
-    """
-    height, width = image.shape
-    for row in prange(height):
-        y = np.int64(row)
-        at, end = y + pad_y, pad_x + width
-        offset[y] = planes[CARRIED, at][pad_x:end]
-        background[y] = planes[BACKGROUND, at][pad_x:end]
-        amplitude[y] = planes[AMPLITUDE, at][pad_x:end]
-        variance = planes[VARIANCE, at][pad_x:end].copy()
-        number = np.empty(width, dtype=np.int32)
-        best_numbers(planes[VARIANCE], at, pad_x, shift_y, shift_x, number)
-        take_shifted(
-            planes, at, pad_x, shift_y, shift_x, number, good, offset[y], background[y], amplitude[y], variance
-        )  # fmt: skip
-        judge(image[y], amplitude[y], variance, smallest, ratio, status[y])
-        phase_noise(amplitude[y], variance, np.float32(np.sqrt(2.0 / samples)), sigma[y])
-        known(offset[y], step_rad, status[y])
+    rows: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int64]
+    step_rad: np.float32
+    min_amplitude: np.float32
+    min_amplitude_to_noise: np.float32
+    sigma_factor: np.float32
 
 
 @njit(**FAST)
-def best_numbers(variance, y, pad_x, shift_y, shift_x, number):  # type: ignore[no-untyped-def]
+def pick_row(image, planes, y, choice, good, offset, background, amplitude, sigma, status):  # type: ignore[no-untyped-def]
+    """Fill one image row of offset, background, amplitude, sigma and status from the window that fits best.
+
+    A window centred on the pixel whose variance is at most ``good`` needs no rival.
+    """
+    width = image.size
+    first = (planes.shape[2] - width) // 2
+    number = np.empty(width, dtype=np.int32)
+    row = y % planes.shape[1]
+    offset[:] = planes[CARRIED, row][first : first + width]
+    background[:] = planes[BACKGROUND, row][first : first + width]
+    amplitude[:] = planes[AMPLITUDE, row][first : first + width]
+    sigma[:] = planes[VARIANCE, row][first : first + width]
+    best_numbers(planes[VARIANCE], y, first, choice, number)
+    take_shifted(planes, y, first, choice, good, number, offset, background, amplitude, sigma)
+    judge(image, amplitude, sigma, choice.min_amplitude, choice.min_amplitude_to_noise, status)
+    phase_noise(amplitude, choice.sigma_factor, sigma)
+    known(offset, choice.step_rad, status)
+
+
+@njit(**FAST)
+def best_numbers(variance, y, first, choice, number):  # type: ignore[no-untyped-def]
     """Number 0 to 14, row by row, of the window that fits best."""
     number[:] = LAST_KEY
+    far_left, left, right, far_right = choice.columns[0], choice.columns[1], choice.columns[3], choice.columns[4]
     for j in range(3):
-        row = variance[y + shift_y[j]]
+        row = variance[(y + choice.rows[5 * j]) % variance.shape[0]]
         centre = PLAIN if j == 1 else NEAR
         challenge(
-            row[pad_x + shift_x[0] :], row[pad_x + shift_x[1] :], row[pad_x:], row[pad_x + shift_x[3] :],
-            row[pad_x + shift_x[4] :], centre, np.int32(5 * j), number,
+            row[first + far_left :], row[first + left :], row[first:], row[first + right :], row[first + far_right :],
+            centre, np.int32(5 * j), number,
         )  # fmt: skip
     for x in range(number.size):
         number[x] &= NUMBERS
@@ -104,20 +97,21 @@ def challenge(far_left, left, here, right, far_right, centre, first, key):  # ty
 
 
 @njit(**FAST)
-def take_shifted(planes, y, pad_x, shift_y, shift_x, number, good, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
+def take_shifted(planes, y, first, choice, good, number, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
     """Where the centred window does not fit, carry the phase of the best one to the pixel along its slopes."""
+    flat = planes.reshape((planes.shape[0], planes.shape[1] * planes.shape[2]))
+    carried, along, down = flat[CARRIED], flat[ALONG], flat[DOWN]
+    backgrounds, amplitudes, variances = flat[BACKGROUND], flat[AMPLITUDE], flat[VARIANCE]
+    starts = np.empty(15, dtype=np.int64)
+    for k in range(15):
+        starts[k] = (y + choice.rows[k]) % planes.shape[1] * planes.shape[2] + choice.columns[k] + first
     for x in range(number.size):
-        if variance[x] > good and number[x] != CENTRED:
-            down, along = shift_y[number[x] // 5], shift_x[number[x] % 5]
-            at_y, at_x = y + down, pad_x + x + along
-            offset[x] = (
-                planes[CARRIED, at_y, at_x]
-                - np.float32(along) * planes[ALONG, at_y, at_x]
-                - np.float32(down) * planes[DOWN, at_y, at_x]
-            )
-            background[x] = planes[BACKGROUND, at_y, at_x]
-            amplitude[x] = planes[AMPLITUDE, at_y, at_x]
-            variance[x] = planes[VARIANCE, at_y, at_x]
+        which = np.uint64(number[x])
+        if variance[x] > good and which != CENTRED:
+            at = np.uint64(starts[which] + x)
+            rows, columns = np.float32(choice.rows[which]), np.float32(choice.columns[which])
+            offset[x] = carried[at] - columns * along[at] - rows * down[at]
+            background[x], amplitude[x], variance[x] = backgrounds[at], amplitudes[at], variances[at]
 
 
 @njit(**FAST)
@@ -130,10 +124,10 @@ def judge(image, amplitude, variance, smallest, ratio, status):  # type: ignore[
 
 
 @njit(**FAST)
-def phase_noise(amplitude, variance, factor, sigma):  # type: ignore[no-untyped-def]
-    """Standard deviation of the phase from the variance of the residual."""
+def phase_noise(amplitude, factor, sigma):  # type: ignore[no-untyped-def]
+    """Variance of the residual into the standard deviation of the phase."""
     for x in range(sigma.size):
-        sigma[x] = np.sqrt(variance[x]) * factor / max(amplitude[x], TINY)
+        sigma[x] = np.sqrt(sigma[x]) * factor / max(amplitude[x], TINY)
 
 
 @njit(fastmath=NAN_SAFE)

@@ -16,7 +16,7 @@ from dense_rigs import capture, dense_shot, sensor
 
 from moire_sensor import ImageError, MoireError, PatternError, Reconstructor, SettingsError, Shot, Status
 from moire_sensor.paper_rig import paper_pattern, paper_rig
-from moire_sensor.phase_single import fit_windows
+from moire_sensor.phase_single import phase_bands
 from moire_sensor.settings import Settings
 from moire_sensor.shot import UNKNOWN_ORDER
 from moire_sim.score import disparity_error_px
@@ -268,11 +268,11 @@ def test_memory_layout_changes_nothing() -> None:
     """Images in Fortran order give the same bits, and no kernel is compiled anew for them."""
     seen = capture("small_plate")
     expected = dense_shot("small_plate").depth_m
-    compiled = len(fit_windows.signatures)
+    compiled = len(phase_bands.signatures)
     shot = sensor().reconstruct(np.asfortranarray(seen.left), np.asfortranarray(seen.right))
     sensor().warm_up()
     np.testing.assert_array_equal(shot.depth_m, expected)
-    assert len(fit_windows.signatures) == compiled
+    assert len(phase_bands.signatures) == compiled
 
 
 def test_input_is_left_alone() -> None:
