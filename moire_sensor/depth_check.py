@@ -9,8 +9,8 @@ from numba import njit, prange
 
 from moire_sensor.angles import NAN_SAFE
 from moire_sensor.depth_refine import Match
-from moire_sensor.order_cost import REACH_PX, difference
 from moire_sensor.phase_carrier import Float32
+from moire_sensor.right_view import REACH_PX, difference
 
 SAME_SURFACE_PX = 1.0
 MISMATCH_WEIGHT = np.float32(0.5)

@@ -9,10 +9,11 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.angles import NAN_SAFE, wrap
-from moire_sensor.order_cost import OrderRange, right_phase
+from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap, disparity_of_phase, phase_of_disparity
+from moire_sensor.right_view import right_phase
 from moire_sensor.settings import Settings
 from moire_sensor.shot import UNKNOWN_ORDER
 

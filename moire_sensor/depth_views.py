@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from moire_sensor.angles import wrapped
 from moire_sensor.depth_refine import Match
-from moire_sensor.order_cost import RANGE_MARGIN_PX, OrderRange
+from moire_sensor.order_range import RANGE_MARGIN_PX, OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap

@@ -2,157 +2,193 @@
 
 The paper's row programme (section 3.4) sees one epipolar line and needs order along it, which thin things before a far
 background break. Here four programmes, left, right, up and down, charge every depth jump once and are added up, so a
-pixel's order is also decided by the rows above and below, and no ordering is assumed.
+pixel's order is also decided by the rows above and below, and no ordering is assumed. One step of a programme is
+
+    state[label] = cost[label] + min(before[label + t] - min(before), jump)
+
+with t the label step from the pixel to the one before on one surface. It is done for a whole line of pixels at once: a
+row for the programmes up and down; for those to the left and right a column, in blocks of rows that are transposed.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import get_num_threads, njit, prange
 
-from moire_sensor.angles import NAN_SAFE, TURNS_PER_RAD
+from moire_sensor.order_cost import UNITS
+from moire_sensor.order_step import (
+    ANEW,
+    NEVER,
+    NO_RANK,
+    add,
+    advance,
+    rank,
+    steps_between,
+    take_best,
+    take_second,
+)
+from moire_sensor.order_transpose import transpose_back, transpose_bytes
 from moire_sensor.phase_carrier import Float32
 
-NEVER = np.float32(1e9)
-STRIPE_COLUMNS = 64
+Int8 = npt.NDArray[np.int8]
+UInt8 = npt.NDArray[np.uint8]
+BLOCK_ROWS = 120
+STRIPE_COLUMNS = 320
 
 
-def path_costs(cost: Float32, offset_rad: Float32, jump_cost: float) -> Float32:
-    """Cost of every candidate with what its row and column say, (H, W, labels) float32.
+class OrderPaths:
+    """Cheapest order of every pixel by four programmes; owns all the memory it needs.
 
     Parameters
     ----------
-    cost : (H, W, labels) float32.
-    offset_rad : (H, W) float32 wrapped phase offset, NaN where unknown; tells which labels of neighbours continue
-        one surface.
-    jump_cost : cost of leaving the surface.
+    size : width and height of the image, pixels.
+    labels : number of candidate orders, at most 127.
+    jump_cost : cost of leaving the surface, in units of a full mismatch.
+
+    Attributes
+    ----------
+    cost : (rows, labels, columns) uint8, in 1/85, to be filled before :meth:`solve`. Larger than the image by a margin
+        that the programmes need: fill ``cost[:height, :, :width]``.
     """
-    total = np.zeros_like(cost)
-    jump = np.float32(jump_cost)
-    add_row_paths(cost, offset_rad, jump, total)
-    add_column_paths(cost, offset_rad, jump, total)
-    return total
+
+    def __init__(self, size: tuple[int, int], labels: int, jump_cost: float) -> None:
+        width, height = size
+        columns, rows = 8 * (width // 8 + 1), 8 * (height // 8 + 1)
+        lanes = min(BLOCK_ROWS, rows)
+        workers = get_num_threads()
+        self._jump = np.int16(round(float(UNITS) * jump_cost))
+        self.cost = np.zeros((rows, labels, columns), dtype=np.uint8)
+        self._total = np.zeros((rows, labels, columns), dtype=np.int16)
+        self._down = np.full((rows, width), ANEW, dtype=np.int8)
+        self._across = np.full((rows, columns), ANEW, dtype=np.int8)
+        self._block_cost = np.zeros((workers, columns, labels, lanes), dtype=np.uint8)
+        self._block_across = np.zeros((workers, columns, lanes), dtype=np.int8)
+        self._block_total = np.zeros((workers, columns, labels, lanes), dtype=np.int16)
+        self._block_states = np.zeros((workers, 2, labels + 3, lanes), dtype=np.int16)
+        stripes = min(max(-(-width // STRIPE_COLUMNS), workers), width)
+        stripe = -(-width // stripes)
+        self._stripe_states = np.zeros((stripes, 2, labels + 3, stripe), dtype=np.int16)
+        self._stripe_ranks = np.zeros((stripes, 2, stripe), dtype=np.int32)
+        self._label, self._runner_up = np.zeros((2, height, width), dtype=np.int8)
+        self._margin = np.zeros((height, width), dtype=np.float32)
+
+    def solve(self, offset_rad: Float32) -> tuple[Int8, Int8, Float32]:
+        """Return the cheapest label, the second cheapest, and by how much it costs more, for :attr:`cost`.
+
+        Parameters
+        ----------
+        offset_rad : (H, W) float32 wrapped phase offset, NaN where unknown; tells which labels of neighbours continue
+            one surface.
+
+        Returns
+        -------
+        (H, W) int8 labels, -1 where the phase is unknown; (H, W) int8, -1 also where there is one label only; (H, W)
+        float32, 0 where the phase is unknown. The next call overwrites them.
+        """
+        fill_steps(offset_rad, self._across, self._down)
+        fill_row_paths(
+            self.cost.view(np.uint64), self._across.view(np.uint64), self._block_cost, self._block_cost.view(np.uint64),
+            self._block_across, self._block_across.view(np.uint64), self._block_total,
+            self._block_total.view(np.uint64), self._block_states, self._jump, self._total.view(np.uint64),
+        )  # fmt: skip
+        choose_by_columns(
+            self.cost, self._total, self._down, offset_rad, self._stripe_states, self._stripe_ranks, self._jump,
+            self._label, self._runner_up, self._margin,
+        )  # fmt: skip
+        return self._label, self._runner_up, self._margin
 
 
-def best_orders(total: Float32, offset_rad: Float32) -> tuple[npt.NDArray[np.int8], Float32]:
-    """Return the cheapest label (H, W) int8, -1 where the phase is unknown, and its margin over the second (H, W)."""
-    label = np.empty(offset_rad.shape, dtype=np.int8)
-    margin = np.empty(offset_rad.shape, dtype=np.float32)
-    take_best(total, offset_rad, label, margin)
-    return label, margin
+@njit(parallel=True, cache=True)
+def fill_steps(offset, across, down):  # type: ignore[no-untyped-def]
+    """Fill the label steps from every pixel to its left and to its upper neighbour; the image's borders stay ANEW."""
+    height, width = offset.shape
+    for row in prange(height):
+        y = np.int64(row)
+        steps_between(offset[y, 1:], offset[y, :-1], across[y, 1:width])
+        if y > 0:
+            steps_between(offset[y], offset[y - 1], down[y])
 
 
-def next_orders(total: Float32, label: npt.NDArray[np.int8], refused: npt.NDArray[np.bool_]) -> npt.NDArray[np.int8]:
-    """Return the second cheapest label where the first was refused, -1 elsewhere and where there is no second."""
-    following = np.full(label.shape, -1, dtype=np.int8)
-    take_next(total, label, refused, following)
-    return following
+@njit(parallel=True, cache=True)
+def fill_row_paths(  # type: ignore[no-untyped-def]
+    cost_words, across_words, cost, cost_in, across, across_in, total, total_words, states, jump, total_out
+):
+    """Fill ``total_out`` with the programmes to the right and left, a block of rows at a time.
 
-
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def take_next(total, label, refused, following):  # type: ignore[no-untyped-def]
-    """Fill ``following`` (H, W) at refused pixels that have a label."""
-    height, width, labels = total.shape
-    for y in prange(height):
-        for x in range(width):
-            if refused[y, x] and label[y, x] >= 0:
-                best = np.float32(np.inf)
-                for candidate in range(labels):
-                    if candidate != label[y, x] and total[y, x, candidate] < best:
-                        best = total[y, x, candidate]
-                        following[y, x] = candidate
-
-
-@njit(inline="always", fastmath=False)
-def advance(previous, current, cost, total, step, jump):  # type: ignore[no-untyped-def]
-    """One step of a programme: ``current`` from ``previous`` whose label + step continues the surface.
-
-    Both states hold one cell more than labels at either end, never the cheapest.
+    The middle arguments hold one block for each worker: (workers, columns, labels, lanes), as numbers and as words.
     """
-    labels = cost.size
-    lowest = previous[1]
-    for label in range(2, labels + 1):
-        lowest = min(lowest, previous[label])
-    for label in range(labels):
-        best = min(previous[label + 1 + step] - lowest, jump)
-        current[label + 1] = cost[label] + best
-        total[label] += current[label + 1]
+    rows, workers, lanes = total_out.shape[0], cost.shape[0], cost.shape[3]
+    for number in prange(workers):
+        worker = np.int64(number)
+        for block in range(worker, (rows + lanes - 1) // lanes, workers):
+            first = min(block * lanes, rows - lanes)
+            transpose_bytes(across_words, first, across_in[worker])
+            for label in range(cost.shape[2]):
+                transpose_bytes(cost_words[:, label], first, cost_in[worker, :, label])
+            row_paths(cost[worker], across[worker], states[worker], jump, total[worker])
+            for label in range(cost.shape[2]):
+                transpose_back(total_words[worker, :, label], total_out[:, label], first)
 
 
-@njit(inline="always", fastmath=False)
-def begin(current, cost, total):  # type: ignore[no-untyped-def]
-    """First step of a programme, and the first after a pixel without phase."""
-    for label in range(cost.size):
-        current[label + 1] = cost[label]
-        total[label] += cost[label]
+@njit(cache=True)
+def row_paths(cost, across, states, jump, total):  # type: ignore[no-untyped-def]
+    """Fill ``total`` (columns, labels, lanes) of one block; its last column is margin."""
+    columns, labels = cost.shape[:2]
+    states[:] = NEVER
+    for x in range(columns - 1):
+        state = states[x % 2]
+        advance(cost[x], across[x], 1, jump, states[(x + 1) % 2], state)
+        for label in range(labels):
+            total[x, label] = state[label + 1]
+    states[:] = NEVER
+    for x in range(columns - 2, -1, -1):
+        state = states[x % 2]
+        advance(cost[x], across[x + 1], -1, jump, states[(x + 1) % 2], state)
+        for label in range(labels):
+            add(state[label + 1], total[x, label])
 
 
-@njit(inline="always", fastmath=False)
-def label_step(here, before):  # type: ignore[no-untyped-def]
-    """Label of the neighbour minus label here on one surface, -1 to 1."""
-    return int(np.floor((here - before) * TURNS_PER_RAD + np.float32(0.5)))
+@njit(parallel=True, cache=True)
+def choose_by_columns(  # type: ignore[no-untyped-def]
+    cost, total, down, offset, states, ranks, jump, label, runner_up, margin
+):
+    """Fill the results: the programmes downwards and upwards, a stripe of columns at a time, added to ``total``."""
+    width = label.shape[1]
+    for number in prange(states.shape[0]):
+        stripe = np.int64(number)
+        first = stripe * states.shape[3]
+        last = min(first + states.shape[3], width)
+        add_downwards(cost, total, down, states[stripe], jump, first, last)
+        choose_upwards(
+            cost, total, down, offset, states[stripe], ranks[stripe], jump, first, last, label, runner_up, margin
+        )
 
 
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def add_row_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
-    """Add the programmes from the left and from the right."""
-    height, width, labels = cost.shape
-    for y in prange(height):
-        state = np.full((2, labels + 2), NEVER, dtype=np.float32)
-        for direction in (1, -1):
-            start = 0 if direction == 1 else width - 1
-            before = np.float32(np.nan)
-            for index in range(width):
-                x = start + direction * index
-                here = offset[y, x]
-                old, new = state[index % 2], state[(index + 1) % 2]
-                if np.isnan(here - before):
-                    begin(new, cost[y, x], total[y, x])
-                else:
-                    advance(old, new, cost[y, x], total[y, x], label_step(here, before), jump)
-                before = here
+@njit(cache=True)
+def add_downwards(cost, total, down, states, jump, first, last):  # type: ignore[no-untyped-def]
+    """Add the programme downwards to ``total``, columns first to last - 1."""
+    states[:] = NEVER
+    for y in range(cost.shape[0] - 1):
+        state = states[y % 2]
+        advance(cost[y, :, first:last], down[y, first:last], 1, jump, states[(y + 1) % 2], state)
+        for label in range(cost.shape[1]):
+            add(state[label + 1], total[y, label, first:last])
 
 
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def add_column_paths(cost, offset, jump, total):  # type: ignore[no-untyped-def]
-    """Add the programmes from above and from below, a stripe of columns at a time."""
-    height, width, labels = cost.shape
-    for stripe in prange((width + STRIPE_COLUMNS - 1) // STRIPE_COLUMNS):
-        first = stripe * STRIPE_COLUMNS
-        last = min(first + STRIPE_COLUMNS, width)
-        state = np.full((2, last - first, labels + 2), NEVER, dtype=np.float32)
-        for direction in (1, -1):
-            start = 0 if direction == 1 else height - 1
-            for index in range(height):
-                y = start + direction * index
-                for x in range(first, last):
-                    here = offset[y, x]
-                    before = offset[y - direction, x] if index > 0 else np.float32(np.nan)
-                    old, new = state[index % 2, x - first], state[(index + 1) % 2, x - first]
-                    if np.isnan(here - before):
-                        begin(new, cost[y, x], total[y, x])
-                    else:
-                        advance(old, new, cost[y, x], total[y, x], label_step(here, before), jump)
-
-
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def take_best(total, offset, label, margin):  # type: ignore[no-untyped-def]
-    """Lowest label per pixel and how far the second lies above it."""
-    height, width, labels = total.shape
-    for y in prange(height):
-        for x in range(width):
-            best = np.float32(np.inf)
-            second = np.float32(np.inf)
-            chosen = -1
-            for candidate in range(labels):
-                value = total[y, x, candidate]
-                if value < best:
-                    second = best
-                    best = value
-                    chosen = candidate
-                elif value < second:
-                    second = value
-            known = not np.isnan(offset[y, x])
-            label[y, x] = chosen if known else -1
-            margin[y, x] = second - best if known else np.float32(0.0)
+@njit(cache=True)
+def choose_upwards(  # type: ignore[no-untyped-def]
+    cost, total, down, offset, states, ranks, jump, first, last, label, runner_up, margin
+):
+    """Finish ``total`` with the programme upwards, line by line, and choose; columns first to last - 1."""
+    states[:] = NEVER
+    best, second = ranks[0, : last - first], ranks[1, : last - first]
+    for y in range(label.shape[0] - 1, -1, -1):
+        state = states[y % 2]
+        advance(cost[y, :, first:last], down[y + 1, first:last], -1, jump, states[(y + 1) % 2], state)
+        ranks[:] = NO_RANK
+        for candidate in range(cost.shape[1]):
+            rank(state[candidate + 1], total[y, candidate, first:last], np.int32(candidate), best, second)
+        known = offset[y, first:last]
+        take_best(best, second, known, label[y, first:last], margin[y, first:last])
+        take_second(second, known, runner_up[y, first:last])

@@ -14,7 +14,7 @@ from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_misfits, is_unique, w
 from moire_sensor.depth_confidence import WEIGHTS, confidence_of
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_views import PATCH_PX, typical_mismatch_rad
-from moire_sensor.order_cost import REACH_PX
+from moire_sensor.right_view import REACH_PX
 
 
 def random_match(seed: int, shape: tuple[int, int] = (24, 80)) -> Match:

@@ -10,7 +10,7 @@ from dense_rigs import SMALL, Array, Float32, outside_rig, small_carriers, small
 
 from moire_sensor.depth_patch import match_patches, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
-from moire_sensor.order_cost import OrderRange
+from moire_sensor.order_range import OrderRange
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.phase_carrier import Carrier
 from moire_sensor.phase_image import PhaseImage

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from dense_rigs import Array, Float32, capture, dense_shot
 
-from moire_sensor.order_path import best_orders, next_orders, path_costs
+from moire_sensor.order_cost import UNITS
+from moire_sensor.order_path import OrderPaths, UInt8
 
 JUMP = 0.8
 
@@ -36,35 +37,82 @@ def viterbi(cost: Array, offset: Array) -> Array:
     return out
 
 
-def random_lines(seed: int, height: int, width: int, labels: int) -> tuple[Float32, Float32]:
+def random_costs(seed: int, height: int, width: int, labels: int) -> tuple[UInt8, Float32]:
     rng = np.random.default_rng(seed)
-    cost = rng.uniform(0, 1, (height, width, labels)).astype(np.float32)
+    cost = rng.integers(0, int(UNITS), (height, labels, width), endpoint=True).astype(np.uint8)
     offset = rng.uniform(-np.pi, np.pi, (height, width)).astype(np.float32)
     offset[rng.uniform(size=offset.shape) < 0.15] = np.nan
     return cost, offset
 
 
-def test_path_costs_are_four_viterbi_programmes() -> None:
-    cost, offset = random_lines(1, 9, 70, 5)
-    expected = np.zeros(cost.shape)
+def paths(cost: UInt8, jump: float = JUMP) -> OrderPaths:
+    height, labels, width = cost.shape
+    solver = OrderPaths((width, height), labels, jump)
+    solver.cost[:height, :, :width] = cost
+    return solver
+
+
+def four_programmes(cost: Array, offset: Array) -> Array:
+    """Sum of the programmes over (H, labels, W) costs."""
+    total = np.zeros(cost.shape)
     for y in range(cost.shape[0]):
-        expected[y] += viterbi(cost[y], offset[y])
-        expected[y, ::-1] += viterbi(cost[y, ::-1], offset[y, ::-1])
-    for x in range(cost.shape[1]):
-        expected[:, x] += viterbi(cost[:, x], offset[:, x])
-        expected[::-1, x] += viterbi(cost[::-1, x], offset[::-1, x])
-    # Four float32 sums of about 70 terms.
-    np.testing.assert_allclose(path_costs(cost, offset, JUMP), expected, atol=1e-4)
+        total[y] += viterbi(cost[y].T, offset[y]).T
+        total[y, :, ::-1] += viterbi(cost[y, :, ::-1].T, offset[y, ::-1]).T
+    for x in range(cost.shape[2]):
+        total[:, :, x] += viterbi(cost[:, :, x], offset[:, x])
+        total[::-1, :, x] += viterbi(cost[::-1, :, x], offset[::-1, x])
+    return total
+
+
+# One block, blocks and stripes that overlap or end early, images smaller than any, one label.
+@pytest.mark.parametrize("shape", [(9, 70, 5), (135, 20, 3), (6, 700, 4), (1, 1, 2), (3, 5, 9), (8, 16, 1)])
+def test_orders_are_those_of_four_viterbi_programmes(shape: tuple[int, int, int]) -> None:
+    height, width, labels = shape
+    cost, offset = random_costs(1, height, width, labels)
+    label, runner_up, margin = paths(cost).solve(offset)
+    # In whole units all sums are exact: 0.8 of 85 is 68.
+    total = np.round(four_programmes(cost / float(UNITS), offset) * float(UNITS))
+    known = np.isfinite(offset)
+    assert ((label == -1) == ~known).all()
+    ranked = np.sort(total, axis=1)
+    at = np.nonzero(known)
+    np.testing.assert_array_equal(total[at[0], label[at], at[1]], ranked[:, 0][at])
+    if labels == 1:
+        assert (runner_up == -1).all()
+        return
+    np.testing.assert_array_equal(total[at[0], runner_up[at], at[1]], ranked[:, 1][at])
+    assert (label != runner_up)[at].all()
+    expected = np.where(known, (ranked[:, 1] - ranked[:, 0]) / float(UNITS), 0.0)
+    np.testing.assert_allclose(margin, expected, atol=1e-5)
+
+
+def test_nothing_is_left_of_the_frame_before() -> None:
+    first, second = random_costs(3, 40, 50, 4), random_costs(4, 40, 50, 4)
+    solver = paths(first[0])
+    solver.solve(first[1])
+    solver.cost[:40, :, :50] = second[0]
+    again = [np.copy(result) for result in solver.solve(second[1])]
+    for found, expected in zip(again, paths(second[0]).solve(second[1]), strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_the_largest_costs_do_not_overflow() -> None:
+    cost = np.full((20, 3, 20), 255, dtype=np.uint8)
+    cost[:, 1] = 254
+    label, runner_up, margin = paths(cost, 10.0).solve(np.zeros((20, 20), dtype=np.float32))
+    assert (label == 1).all()
+    assert (runner_up == 0).all()
+    assert margin.min() > 0.0
 
 
 def test_programme_finds_the_cheapest_of_all_paths() -> None:
-    cost, offset = random_lines(2, 1, 6, 3)
-    offset = np.nan_to_num(offset)
+    units, offset = random_costs(2, 1, 6, 3)
+    cost, offset = units.transpose(0, 2, 1) / float(UNITS), np.nan_to_num(offset)
     last = viterbi(cost[0], offset[0])[-1] + min_before(cost[0], offset[0])
     steps = [step_of(offset[0, x], offset[0, x - 1]) for x in range(1, 6)]
     for end in range(3):
-        paths = (path for path in itertools.product(range(3), repeat=6) if path[-1] == end)
-        assert last[end] == pytest.approx(min(price(cost[0], steps, path) for path in paths), abs=1e-6)
+        ways = (path for path in itertools.product(range(3), repeat=6) if path[-1] == end)
+        assert last[end] == pytest.approx(min(price(cost[0], steps, path) for path in ways), abs=1e-6)
 
 
 def min_before(cost: Array, offset: Array) -> float:
@@ -79,27 +127,15 @@ def price(cost: Array, steps: list[int | None], path: tuple[int, ...]) -> float:
     return total + JUMP * jumps
 
 
-def test_best_and_next_orders() -> None:
-    cost, offset = random_lines(3, 12, 30, 6)
-    label, margin = best_orders(cost, offset)
-    known = np.isfinite(offset)
-    np.testing.assert_array_equal(label, np.where(known, cost.argmin(axis=2), -1))
-    ranked = np.sort(cost, axis=2)
-    np.testing.assert_array_equal(margin, np.where(known, ranked[..., 1] - ranked[..., 0], 0.0))
-    refused = np.random.default_rng(4).uniform(size=offset.shape) < 0.5
-    second = np.argsort(cost, axis=2)[..., 1]
-    np.testing.assert_array_equal(next_orders(cost, label, refused), np.where(known & refused, second, -1))
-
-
 def test_orders_of_a_wrapped_surface_continue() -> None:
     """A phase that runs through three turns: the label falls by one at each wrap, found from one good pixel."""
     phase = np.linspace(-3.0, 16.0, 120)
     turns = np.floor(phase / (2.0 * np.pi) + 0.5).astype(int)
     offset = np.tile((phase - 2.0 * np.pi * turns).astype(np.float32), (5, 1))
-    cost = np.zeros((5, 120, 6), dtype=np.float32)
-    cost[:, 60] = 1.0
-    cost[:, 60, turns[60] + 1] = 0.0
-    label, _ = best_orders(path_costs(cost, offset, JUMP), offset)
+    cost = np.zeros((5, 6, 120), dtype=np.uint8)
+    cost[:, :, 60] = int(UNITS)
+    cost[:, turns[60] + 1, 60] = 0
+    label = paths(cost).solve(offset)[0]
     np.testing.assert_array_equal(label, np.tile(turns + 1, (5, 1)))
 
 
