@@ -76,6 +76,30 @@ def differs(disparity, mismatch, amplitude, left, right, y, x):  # type: ignore[
     return grey + MISMATCH_WEIGHT * mismatch[y, x]
 
 
+def drop_slivers(disparity_px: Float32, least_px: int) -> None:
+    """Set in place to NaN the pixels of runs along a row, all on one surface, that are shorter than ``least_px``.
+
+    A window one period wide cannot measure what is much narrower: such a run is what an accident of two views looks
+    like, a strip that each camera sees of something else behind a thin pole.
+    """
+    clear_short_runs(disparity_px, least_px)
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def clear_short_runs(disparity, least):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`drop_slivers`."""
+    height, width = disparity.shape
+    for y in prange(height):
+        row = disparity[y]
+        start = 0
+        for x in range(1, width + 1):
+            if x < width and abs(row[x] - row[x - 1]) <= SAME_SURFACE_PX:
+                continue
+            if x - start < least:
+                row[start:x] = np.float32(np.nan)
+            start = x
+
+
 def without_specks(disparity_px: Float32, min_segment_px: int) -> npt.NDArray[np.bool_]:
     """Pixels (H, W) on connected surfaces of at least ``min_segment_px`` pixels."""
     steps = np.empty(disparity_px.shape, dtype=np.int16)

@@ -20,6 +20,7 @@ from moire_sensor.phase_carrier import Float32
 # by 2.3 so that 0.9 lies where the calibration above was read.
 WEIGHTS = tuple(np.float32(weight) for weight in (-2.119, 0.361, -0.670, 2.799, 1.870, 16.755))
 LARGEST_MARGIN = np.float32(4.0)
+LARGEST_MISMATCH_RAD = np.float32(3.0)
 KNOWN_WINDOW_PX = 11
 SPREAD_WINDOW_PX = 7
 FAR_PX = 1e9
@@ -53,7 +54,7 @@ def fill_confidence(known, mismatch, margin, share, spread, sigma, confidence): 
         for x in range(width):
             confidence[y, x] = np.float32(0.0)
             if known[y, x]:
-                doubt = WEIGHTS[0] + WEIGHTS[1] * np.log(mismatch[y, x] + np.float32(0.02))
+                doubt = WEIGHTS[0] + WEIGHTS[1] * np.log(min(mismatch[y, x], LARGEST_MISMATCH_RAD) + np.float32(0.02))
                 doubt += WEIGHTS[2] * min(margin[y, x], LARGEST_MARGIN) + WEIGHTS[3] * (one - share[y, x])
                 doubt += WEIGHTS[4] * np.log(min(spread[y, x], np.float32(8.0)) + np.float32(0.1))
                 doubt += WEIGHTS[5] * min(sigma[y, x] + np.float32(1e-4), one)

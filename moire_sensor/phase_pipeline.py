@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from moire_sensor.depth_check import drop_misfits, is_unique, without_specks
+from moire_sensor.depth_border import extend
+from moire_sensor.depth_check import drop_misfits, drop_slivers, is_unique, without_specks
 from moire_sensor.depth_confidence import confidence_of
-from moire_sensor.depth_patch import measures_by_stereo, rematch, right_as_left
+from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.depth_views import orders_fail, typical_mismatch_rad
 from moire_sensor.order_range import OrderRange
@@ -25,6 +26,10 @@ from moire_sensor.shot import Shot, Status
 # Mismatch that shading, or motion between the steps, can put between the two phases of one point.
 SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
 RANGE_MARGIN = 0.02
+# What the first round gives to a surface lets the second trust its neighbours.
+BORDER_ROUNDS = 2
+# Runs of phase steps shorter than this are accidents; a single shot cannot measure less than a quarter of a period.
+SLIVER_STEPS_PX = 3
 # Where the projector measures, the alignment of the pair matters less: the real hand has patches 0.22 rad off.
 PROJECTOR_SLACK = 1.7
 
@@ -68,7 +73,7 @@ class PhasePipeline:
             phase_from_single(left, self._carriers[0], step_rad, self.settings, self._buffers[0]),
             phase_from_single(right, self._carriers[1], step_rad, self.settings, self._buffers[1]),
         )
-        return self._depth(phases, (left, right), SHADING_SINGLE_RAD)
+        return self._depth(phases, (left, right), single=True)
 
     def from_steps(self, left: Float32, right: Float32, first_step: int) -> Shot:
         """Depth of shifted exposures at the middle of their time: images (n, H, W) float32, grey levels of 255."""
@@ -78,33 +83,41 @@ class PhasePipeline:
             phase_from_steps(right, self._carriers[1], steps, self.settings),
         )
         middle = left.shape[0] // 2
-        return self._depth(phases, (left[middle], right[middle]), SHADING_STEPS_RAD)
+        return self._depth(phases, (left[middle], right[middle]), single=False)
 
-    def _depth(
-        self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], shading_rad: float
-    ) -> Shot:
-        """Choose the orders, measure, and let orders that are refused give way to the next best."""
-        label, margin = self._solver.solve(phases, greys, shading_rad)
-        first = self._refine(label, phases)
+    def _depth(self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], single: bool) -> Shot:
+        """Choose the orders, let those that are refused give way to the next best, measure, and mend the borders."""
+        label, margin = self._solver.solve(phases, greys, SHADING_SINGLE_RAD if single else SHADING_STEPS_RAD)
+        first = self._refine(label, phases, single)
         greys = (greys[0], right_as_left(greys[1], first.disparity_px, phases))
-        match = self._rematch(first, phases, greys)
-        refused = (label >= 0) & ~self._unique(match, phases, greys)
-        second = self._refine(self._solver.second(refused), phases)
-        match = merged(match, self._rematch(second, phases, greys), refused)
-        unique = np.where(self._unique(match, phases, greys), match.disparity_px, np.float32(np.nan))
-        return self._shot(phases, match, margin, without_specks(unique, self.settings.min_segment_px))
+        refused = (label >= 0) & ~self._unique(first, phases, greys)
+        second = self._refine(self._solver.second(refused), phases, single)
+        match = self._by_greys(merged(first, second, refused), phases[0], greys, single)
+        match.disparity_px[~self._unique(match, phases, greys)] = np.nan
+        drop_slivers(match.disparity_px, self._carriers[0].half_width_px // 2 if single else SLIVER_STEPS_PX)
+        match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
+        for _ in range(BORDER_ROUNDS if self._by_stereo else 0):
+            match = extend(match, greys, phases[0], self._projector, self.settings)
+        return self._shot(phases, match, margin, np.isfinite(match.disparity_px))
 
-    def _refine(self, label: npt.NDArray[np.int8], phases: tuple[PhaseImage, PhaseImage]) -> Match:
-        """Disparities of the chosen orders from the phases of all views."""
-        return refine(label, phases, self._carriers, self._projector, self._orders, self.settings)
+    def _refine(self, label: npt.NDArray[np.int8], phases: tuple[PhaseImage, PhaseImage], single: bool) -> Match:
+        """Disparities of the chosen orders from the phases of all views, NaN where the phases disagree."""
+        match = refine(label, phases, self._carriers, self._projector, self._orders, self.settings)
+        strict = self._by_stereo and not single
+        drop_misfits(match, self.settings.max_mismatch_steps_rad if strict else self.settings.max_mismatch_rad)
+        return match
 
-    def _rematch(
-        self, match: Match, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32]
-    ) -> Match:
-        """Doubtful disparities matched by grey levels; NaN where phases or grey levels do not fit."""
-        drop_misfits(match, self.settings.max_mismatch_rad)
-        if self._by_stereo:
-            rematch(match, greys, phases[0].amplitude, self._carriers[0], self.settings)
+    def _by_greys(self, match: Match, phase: PhaseImage, greys: tuple[Float32, Float32], single: bool) -> Match:
+        """Disparities of a single shot measured, those of phase steps checked, by the grey levels of both views.
+
+        Where the projector measures, the views of the pair are too alike in place to tell anything new.
+        """
+        if not self._by_stereo:
+            return match
+        if single:
+            half_width = self._carriers[0].half_width_px
+            return match_greys(match, greys, phase.amplitude, half_width, self.settings)
+        check_greys(match, greys, phase.amplitude, self.settings)
         return match
 
     def _unique(

@@ -1,0 +1,151 @@
+"""Disparity measured by grey levels: both cameras see the same shaded, curved, textured piece of fringe.
+
+A phase fitted to a one-period window takes a shading for a phase, and a mean over a window flattens curvature. The
+other image knows both: moved along the surface that the phases give, it differs from this one by what the surface is
+off (Lucas and Kanade 1981), whatever background, albedo, amplitude or waveform.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numba import njit, prange
+
+from moire_sensor.angles import NAN_SAFE
+from moire_sensor.depth_refine import Match
+from moire_sensor.depth_surface import along_surface
+from moire_sensor.phase_carrier import Carrier, Float32
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.settings import Settings
+
+ROUNDS = 2
+LARGEST_STEP_PX = np.float32(0.5)
+# Pixels that differ by more than this share of the fringe amplitude, noise apart, do not show one point.
+FOREIGN_SHARE = np.float32(0.35)
+# What a window needs to measure: squared slopes that place it to a tenth of a pixel.
+SURE_PX = 0.1
+SAMPLE_PX = 3
+# Windows, columns and rows, in which two views may not look different: phase steps resolve single rows.
+MISFIT_WINDOW, ROW_WINDOW = (5, 3), (5, 1)
+
+
+def measures_by_stereo(carrier: Carrier, projector: ProjectorMap) -> bool:
+    """True where a pixel of disparity turns the phase more between the cameras than against the projector."""
+    height, width = carrier.phase_rad.shape
+    column, row = np.array(width / 2.0), np.array(height / 2.0)
+    step = projector.phase_rad_at(column, row, 1.0) - projector.phase_rad_at(column, row, 0.0)
+    return bool(np.median(np.abs(carrier.rad_per_px)) > np.abs(step))
+
+
+def right_as_left(right: Float32, disparity_px: Float32, phases: tuple[PhaseImage, PhaseImage]) -> Float32:
+    """Right image (H, W) with the gain and shift that turn its grey levels into left ones, from matched fringes."""
+    rows, columns = (SAMPLE_PX * part for part in np.nonzero(np.isfinite(disparity_px[::SAMPLE_PX, ::SAMPLE_PX])))
+    if rows.size < 100:
+        return right
+    seen = np.clip(np.rint(columns - disparity_px[rows, columns]), 0, right.shape[1] - 1).astype(np.int64)
+    left_phase, right_phase = phases
+    gain = np.median(left_phase.amplitude[rows, columns] / np.maximum(right_phase.amplitude[rows, seen], 1.0))
+    shift = np.median(left_phase.background[rows, columns] - gain * right_phase.background[rows, seen])
+    return np.asarray(right * np.float32(gain) + np.float32(shift))
+
+
+def match_greys(
+    match: Match, greys: tuple[Float32, Float32], amplitude: Float32, half_width: int, settings: Settings
+) -> Match:
+    """Measure every disparity by the grey levels of a window one period wide.
+
+    Parameters
+    ----------
+    match : disparities within a few pixels of the truth.
+    greys : left, and right with the grey levels of the left (:func:`right_as_left`), (H, W) float32.
+    amplitude : fringe amplitude of the left image (H, W).
+    half_width : half of a period, pixels.
+
+    Returns
+    -------
+    Match
+        NaN where the two views look different.
+    """
+    noise = np.float32(settings.image_noise)
+    enough = np.float32((settings.image_noise / SURE_PX) ** 2)
+    window = (2 * half_width + 1, 2 * settings.half_height_grey_px + 1)
+    disparity, sigma = match.disparity_px, np.empty_like(amplitude)
+    power, met, apart = (np.empty_like(amplitude) for _ in range(3))
+    for _ in range(ROUNDS):
+        disparity = along_surface(disparity, half_width, settings.half_height_grey_px)
+        compare(*greys, disparity, amplitude, noise, power, met, apart)
+        move(disparity, box_sum(power, window), box_sum(met, window), enough, noise, disparity, sigma)
+    drop_foreign(disparity, least_difference(apart, MISFIT_WINDOW), amplitude, settings)
+    return Match(disparity, sigma, match.signed_mismatch_rad, match.mismatch_rad)
+
+
+def check_greys(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, settings: Settings) -> None:
+    """Set in place to NaN the disparities where the two views look different; parameters of :func:`match_greys`."""
+    power, met, apart = (np.empty_like(amplitude) for _ in range(3))
+    compare(*greys, match.disparity_px, amplitude, np.float32(settings.image_noise), power, met, apart)
+    drop_foreign(match.disparity_px, least_difference(apart, ROW_WINDOW), amplitude, settings)
+
+
+def least_difference(apart: Float32, window: tuple[int, int]) -> Float32:
+    """Mean difference (H, W) of the best window (columns, rows) that holds the pixel: some lie on one surface."""
+    return np.asarray(cv2.erode(cv2.blur(apart, window), np.ones(window[::-1], dtype=np.uint8)))
+
+
+def drop_foreign(disparity_px: Float32, apart: Float32, amplitude: Float32, settings: Settings) -> None:
+    """Set in place to NaN the disparities whose views differ by more than noise and the allowed misfit."""
+    disparity_px[apart > np.float32(2.0 * settings.image_noise) + np.float32(settings.max_misfit) * amplitude] = np.nan
+
+
+def box_sum(values: Float32, window: tuple[int, int]) -> Float32:
+    """Sum over the window (columns, rows) centred on each pixel (H, W), as if the image went on with zeros."""
+    return np.asarray(cv2.boxFilter(values, -1, window, normalize=False, borderType=cv2.BORDER_CONSTANT))
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def compare(left, right, disparity, amplitude, noise, power, met, apart):  # type: ignore[no-untyped-def]
+    """Fill slope times slope, slope times difference, and difference (each (H, W)) of left and moved right image.
+
+    The right image is read by cubic interpolation. One slope is the left image's, one the right's: the noise of an
+    interpolated value has to do with that of its own slope, and the square of it would draw disparities to whole
+    pixels. Pixels that the right image does not show have no slope and no difference, those too different to show one
+    point no slope.
+    """
+    height, width = left.shape
+    zero, half = np.float32(0.0), np.float32(0.5)
+    lowest, highest = np.float32(1.0), np.float32(width - 3)
+    for y in prange(height):
+        row = right[y]
+        for x in range(width):
+            d = disparity[y, x]
+            seen = np.float32(x) - d
+            known = lowest <= seen <= highest
+            column = seen if known else lowest
+            base = np.uint64(column)
+            t = column - np.float32(base)
+            p0, p1, p2, p3 = row[base - np.uint64(1)], row[base], row[base + np.uint64(1)], row[base + np.uint64(2)]
+            c1 = half * (p2 - p0)
+            c2 = p0 - np.float32(2.5) * p1 + np.float32(2.0) * p2 - half * p3
+            c3 = half * (p3 - p0) + np.float32(1.5) * (p1 - p2)
+            slope = c1 + t * (np.float32(2.0) * c2 + np.float32(3.0) * t * c3)
+            difference = left[y, x] - (p1 + t * (c1 + t * (c2 + t * c3)))
+            distance = abs(difference)
+            same = known and distance < FOREIGN_SHARE * amplitude[y, x] + np.float32(3.0) * noise
+            own = half * (left[y, x + 1] - left[y, x - 1])
+            power[y, x] = own * slope if same else zero
+            met[y, x] = -own * difference if same else zero
+            apart[y, x] = distance if known else zero
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def move(disparity, power, met, enough, noise, moved, sigma):  # type: ignore[no-untyped-def]
+    """Fill ``moved`` (may be ``disparity``) with what removes the window's difference, and its ``sigma`` (H, W)."""
+    height, width = disparity.shape
+    for y in prange(height):
+        for x in range(width):
+            strong = power[y, x] > enough
+            step = met[y, x] / max(power[y, x], enough)
+            step = min(max(step, -LARGEST_STEP_PX), LARGEST_STEP_PX)
+            moved[y, x] = disparity[y, x] + (step if strong else np.float32(0.0))
+            # Both images have noise.
+            sigma[y, x] = noise * np.sqrt(np.float32(2.0) / max(power[y, x], enough))
