@@ -56,7 +56,7 @@ class PhasePipeline:
             Carrier.left(self._projector, rig.image_size, middle, settings.half_height_px),
             Carrier.right(self._projector, rig.image_size, middle, settings.half_height_px),
         )
-        self._buffers = np.empty((2, 3, *self._carriers[0].cos.shape), dtype=np.float32)
+        self._buffers = np.empty((2, 6, *self._carriers[0].cos.shape), dtype=np.float32)
         self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
         self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
         self._solver = OrderSolver(self._carriers, self._projector, self._orders, settings.jump_cost)
@@ -70,8 +70,8 @@ class PhasePipeline:
         """Depth of one exposure: images (H, W) float32, grey levels of 255."""
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
         phases = (
-            phase_from_single(left, self._carriers[0], step_rad, self.settings, self._buffers[0]),
-            phase_from_single(right, self._carriers[1], step_rad, self.settings, self._buffers[1]),
+            phase_from_single(left, self._carriers[0], step_rad, self.settings, self._buffers[0, :3]),
+            phase_from_single(right, self._carriers[1], step_rad, self.settings, self._buffers[1, :3]),
         )
         return self._depth(phases, (left, right), single=True)
 
@@ -79,8 +79,8 @@ class PhasePipeline:
         """Depth of shifted exposures at the middle of their time: images (n, H, W) float32, grey levels of 255."""
         steps = StepFilter.build(self.pattern.step_phases_rad, first_step, left.shape[0])
         phases = (
-            phase_from_steps(left, self._carriers[0], steps, self.settings),
-            phase_from_steps(right, self._carriers[1], steps, self.settings),
+            phase_from_steps(left, self._carriers[0], steps, self.settings, self._buffers[0]),
+            phase_from_steps(right, self._carriers[1], steps, self.settings, self._buffers[1]),
         )
         middle = left.shape[0] // 2
         return self._depth(phases, (left[middle], right[middle]), single=False)

@@ -14,12 +14,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from moire_sensor.angles import wrapped
 from moire_sensor.errors import PatternError
 from moire_sensor.phase_carrier import Carrier, Float32
+from moire_sensor.phase_demodulate import demodulate, judge_steps
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.settings import Settings
-from moire_sensor.shot import Status
 
 Array = npt.NDArray[np.float64]
 NOISE_WINDOW_PX = 7
@@ -44,16 +43,23 @@ class StepFilter:
     design : (n, 3), the frames that those three would show without motion.
     moments : (r, 2, n), frames to real and imaginary part at r successive times, one frame apart: runs of N frames,
         motion error cancelled once where there are three runs or more.
+    residues : (n - 3, n), frames to numbers whose squares sum up to what the fit leaves over.
     """
 
     weights: Array
     design: Array
     moments: Array
+    residues: Array
 
     @property
     def freedom(self) -> float:
         """Expected sum of squares that the fit leaves over, for frames of unit noise variance."""
-        return float(((np.eye(self.design.shape[0]) - self.design @ self.weights) ** 2).sum())
+        return float((self.residues**2).sum())
+
+    def rows(self) -> Float32:
+        """All filters, (3 + 2 r + n - 3, n): weights, moments, residues."""
+        frame_count = self.weights.shape[1]
+        return np.concatenate([self.weights, self.moments.reshape(-1, frame_count), self.residues]).astype(np.float32)
 
     @classmethod
     def build(cls, step_phases_rad: tuple[float, ...], first_step: int, frame_count: int) -> StepFilter:
@@ -81,7 +87,18 @@ class StepFilter:
             pair = run_weights(step_phases_rad, 2)
             phasors = pair[0] * phasors[:-1] + pair[1] * phasors[1:]
         moments = np.stack([phasors.real, phasors.imag], axis=1)
-        return cls(np.stack([background, fringe.real, fringe.imag]), design, moments)
+        weights = np.stack([background, fringe.real, fringe.imag])
+        return cls(weights, design, moments, residues_of(weights, design))
+
+
+def residues_of(weights: Array, design: Array) -> Array:
+    """Filters (n - 3, n) whose squared outputs sum up to the squared residual of the frames.
+
+    The residual (1 - design weights) frames has n - 3 dimensions, since the fit of a fit is itself.
+    """
+    frame_count = design.shape[0]
+    _, lengths, directions = np.linalg.svd(np.eye(frame_count) - design @ weights)
+    return np.asarray((lengths[:, None] * directions)[: frame_count - design.shape[1]])
 
 
 def run_filters(design: Array, steps: int) -> Array:
@@ -114,13 +131,16 @@ def run_weights(step_phases_rad: tuple[float, ...], runs: int) -> npt.NDArray[np
     return weights
 
 
-def phase_from_steps(frames: Float32, carrier: Carrier, steps: StepFilter, settings: Settings) -> PhaseImage:
+def phase_from_steps(
+    frames: Float32, carrier: Carrier, steps: StepFilter, settings: Settings, buffer: Float32 | None = None
+) -> PhaseImage:
     """Phase of every pixel of n shifted fringe images, valid at the middle of their time.
 
     Parameters
     ----------
     frames : (n, H, W) float32, grey levels scaled to 255 at saturation.
     carrier : the camera's carrier.
+    buffer : (6, H, W) float32; offset, amplitude and sigma of the result lie in it and last until its next use.
 
     Returns
     -------
@@ -128,51 +148,25 @@ def phase_from_steps(frames: Float32, carrier: Carrier, steps: StepFilter, setti
         NaN phase where dark (UNLIT), saturated in any frame (SATURATED) or moving too fast (MOVED). ``sigma_rad`` takes
         what motion leaves over of the fit for noise.
     """
-    background, real, imaginary = apply_filter(steps.weights, frames)
-    amplitude = np.hypot(real, imaginary)
-    noise = frame_noise(frames, steps, np.stack([background, real, imaginary]), settings)
-    gain = float(np.sqrt(0.5 * (steps.weights[1:] ** 2).sum()))
-    status = np.zeros(amplitude.shape, dtype=np.uint8)
-    status[drift_rad(frames, steps, 2 * carrier.half_width_px + 1) > settings.max_motion_rad] = Status.MOVED
-    status[~(amplitude > settings.min_amplitude)] = Status.UNLIT
-    status[(frames >= 254.5).any(axis=0)] = Status.SATURATED
-    offset = wrapped(np.arctan2(imaginary, real) - carrier.phase_rad)
-    offset[status != 0] = np.nan
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sigma = (noise * gain / amplitude).astype(np.float32)
-    return PhaseImage(offset, amplitude, background, sigma, status)
-
-
-def apply_filter(weights: Array, frames: Float32) -> Float32:
-    """Return weights (k, n) times frames (n, H, W) as (k, H, W) float32."""
-    return np.asarray(np.tensordot(weights.astype(np.float32), frames, axes=1))
-
-
-def drift_rad(frames: Float32, steps: StepFilter, window_px: int) -> Float32:
-    """Phase drift from frame to frame (H, W), radians, 0..pi, over ``window_px`` columns; 0 with a single run.
-
-    Averaged over a fringe period, since what motion error the moments have turns twice in it. With two moments a fast
-    drift is overrated: tan of the result is tan(e) / cos(e) for a drift e and four steps.
-    """
-    cross = np.zeros(frames.shape[1:], dtype=np.float32)
-    along = np.zeros(frames.shape[1:], dtype=np.float32)
-    before = apply_filter(steps.moments[0], frames)
-    for weights in steps.moments[1:]:
-        after = apply_filter(weights, frames)
-        cross += after[1] * before[0] - after[0] * before[1]
-        along += after[0] * before[0] + after[1] * before[1]
-        before = after
-    mean_cross, mean_along = (cv2.blur(part, (window_px, 1)) for part in (cross, along))
-    return np.asarray(np.abs(np.arctan2(mean_cross, mean_along)), dtype=np.float32)
-
-
-def frame_noise(frames: Float32, steps: StepFilter, parts: Float32, settings: Settings) -> Float32:
-    """Noise of one frame (H, W), grey levels, from what the fit leaves over; the setting where nothing is left over."""
+    shape = frames.shape[1:]
+    planes = np.empty((6, *shape), dtype=np.float32) if buffer is None else buffer
+    background, status = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.uint8)
+    offset, amplitude, sigma, squares, cross, along = planes
+    demodulate(
+        frames, steps.rows(), steps.moments.shape[0], carrier.phase_rad, offset, background, amplitude, squares, cross,
+        along, status,
+    )  # fmt: skip
     if steps.freedom < MIN_FREEDOM:
-        return np.full(frames.shape[1:], settings.image_noise, dtype=np.float32)
-    squares = np.zeros(frames.shape[1:], dtype=np.float32)
-    for frame, row in zip(frames, steps.design.astype(np.float32), strict=True):
-        squares += (frame - np.tensordot(row, parts, axes=1)) ** 2
-    # The running sums of blur may leave a little less than zero where nothing is left over.
-    mean = np.maximum(cv2.blur(squares, (NOISE_WINDOW_PX, NOISE_WINDOW_PX)), 0.0)
-    return np.asarray(np.sqrt(mean / steps.freedom), dtype=np.float32)
+        squares[:] = settings.image_noise**2
+    else:
+        cv2.blur(squares, (NOISE_WINDOW_PX, NOISE_WINDOW_PX), dst=sigma)
+        np.divide(sigma, np.float32(steps.freedom), out=squares)
+    # Averaged over a fringe period, since what motion error the moments have turns twice in it.
+    for part in (cross, along):
+        cv2.blur(part, (2 * carrier.half_width_px + 1, 1), dst=part)
+    gain2 = np.float32(0.5 * (steps.weights[1:] ** 2).sum())
+    judge_steps(
+        amplitude, squares, cross, along, gain2, np.float32(settings.min_amplitude),
+        np.float32(settings.max_motion_rad), offset, sigma, status,
+    )  # fmt: skip
+    return PhaseImage(offset, amplitude, background, sigma, status)
