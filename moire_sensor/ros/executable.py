@@ -13,6 +13,7 @@ from typing import Any
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -24,6 +25,7 @@ PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # The middleware waits in C, where a Python signal handler cannot run: look up this often.
 WAKE_UP_S = 0.1
+RCLError = rclpy_implementation.RCLError
 # What a user can cause with --ros-args; rclpy has no common class for them.
 USER_ERRORS = (MoireError, ParameterException, NameValidationException, InvalidQosOverridesError)
 
@@ -67,6 +69,12 @@ def run_node(make_node: Callable[[], Any], usage: str) -> int:
         pass
     except USER_ERRORS as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        code = 1
+    except RCLError as error:
+        # The middleware refuses to make the node, for example where security is asked for and there is no key.
+        if node is not None:
+            raise
+        print(f"error: the node cannot be made: {' '.join(str(error).split())}", file=sys.stderr)
         code = 1
     except Exception:
         # The signal's exception may have struck inside a library that turned it into its own.
