@@ -19,47 +19,48 @@ def demodulate(frames, filters, moments, carrier_rad, offset, background, amplit
     for row in prange(frames.shape[1]):
         y = np.int64(row)
         demodulate_row(
-            frames[:, y], filters, moments, carrier_rad[y], offset[y], background[y], amplitude[y], squares[y],
-            cross[y], along[y], status[y],
+            frames, y, filters, moments, carrier_rad[y], offset[y], background[y], amplitude[y], squares[y], cross[y],
+            along[y], status[y],
         )  # fmt: skip
 
 
 @njit(**FAST)
-def demodulate_row(frames, filters, moments, carrier_rad, offset, background, amplitude, squares, cross, along, status):  # type: ignore[no-untyped-def]
+def demodulate_row(  # type: ignore[no-untyped-def]
+    frames, y, filters, moments, carrier_rad, offset, background, amplitude, squares, cross, along, status
+):
     """One row of :func:`demodulate`."""
     room = np.empty((4, carrier_rad.size), dtype=np.float32)
-    values = frames.copy()
     real, imaginary, before, after = room[0], room[1], room[0:2], room[2:4]
-    filtered(values, filters[0], background)
-    filtered(values, filters[1], real)
-    filtered(values, filters[2], imaginary)
+    filtered(frames, y, filters[0], background)
+    filtered(frames, y, filters[1], real)
+    filtered(frames, y, filters[2], imaginary)
     polar(real, imaginary, carrier_rad, offset, amplitude)
     squares[:] = 0.0
     for index in range(3 + 2 * moments, filters.shape[0]):
-        filtered(values, filters[index], real)
+        filtered(frames, y, filters[index], real)
         add_square(real, squares)
     cross[:] = 0.0
     along[:] = 0.0
-    filtered(values, filters[3], before[0])
-    filtered(values, filters[4], before[1])
+    filtered(frames, y, filters[3], before[0])
+    filtered(frames, y, filters[4], before[1])
     for index in range(5, 3 + 2 * moments, 2):
-        filtered(values, filters[index], after[0])
-        filtered(values, filters[index + 1], after[1])
+        filtered(frames, y, filters[index], after[0])
+        filtered(frames, y, filters[index + 1], after[1])
         add_turn(before[0], before[1], after[0], after[1], cross, along)
         before, after = after, before
-    mark_saturated(values, real, status)
+    mark_saturated(frames, y, real, status)
 
 
 @njit(**FAST)
-def filtered(values, weights, target):  # type: ignore[no-untyped-def]
-    """Weighted sum of the frames (n, W), five at a time."""
+def filtered(frames, y, weights, target):  # type: ignore[no-untyped-def]
+    """Weighted sum of row y of the frames (n, H, W), five at a time."""
     target[:] = 0.0
-    last = values.shape[0] - 1
-    for first in range(0, values.shape[0], 5):
+    last = frames.shape[0] - 1
+    for first in range(0, frames.shape[0], 5):
         second, third, fourth, fifth = first + 1, first + 2, first + 3, first + 4
         add_five(
-            values[first], values[min(second, last)], values[min(third, last)], values[min(fourth, last)],
-            values[min(fifth, last)], weights[first], weight_at(weights, second), weight_at(weights, third),
+            frames[first, y], frames[min(second, last), y], frames[min(third, last), y], frames[min(fourth, last), y],
+            frames[min(fifth, last), y], weights[first], weight_at(weights, second), weight_at(weights, third),
             weight_at(weights, fourth), weight_at(weights, fifth), target,
         )  # fmt: skip
 
@@ -103,11 +104,11 @@ def add_turn(real, imaginary, next_real, next_imaginary, cross, along):  # type:
 
 
 @njit(**FAST)
-def mark_saturated(values, brightest, status):  # type: ignore[no-untyped-def]
+def mark_saturated(frames, y, brightest, status):  # type: ignore[no-untyped-def]
     """SATURATED where any frame is, else OK."""
-    brightest[:] = values[0]
-    for frame in range(1, values.shape[0]):
-        brighter(values[frame], brightest)
+    brightest[:] = frames[0, y]
+    for frame in range(1, frames.shape[0]):
+        brighter(frames[frame, y], brightest)
     for x in range(status.size):
         status[x] = FULL if brightest[x] >= SATURATED else OK
 
