@@ -1,4 +1,4 @@
-"""Refinement, fringe order and patch match against plain numpy."""
+"""Refinement and fringe order against plain numpy."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dense_rigs import SMALL, Array, Float32, outside_rig, small_carriers, small_map, small_rig
+from dense_rigs import SMALL, Array, outside_rig, small_carriers, small_map, small_rig
 
-from moire_sensor.depth_patch import match_patches, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.order_range import OrderRange
 from moire_sensor.paper_rig import paper_pattern, paper_rig
@@ -124,74 +123,3 @@ def test_fringe_orders_are_those_of_the_pattern(name: str) -> None:
     clear = ~(np.abs(part - np.rint(part)) < 1e-3)
     np.testing.assert_array_equal(fast[clear], expected[clear])
     assert (fast[np.isnan(depth)] == UNKNOWN_ORDER).all()
-
-
-def shifted_pair(disparity: float, seed: int) -> tuple[Float32, Float32]:
-    """Smooth random images, the right one shifted by ``disparity`` exactly (band-limited, by Fourier)."""
-    rng = np.random.default_rng(seed)
-    k = np.fft.fftfreq(128)
-    spectrum = np.fft.fft(rng.normal(size=(20, 128)), axis=1) * np.exp(-((k * 22.0) ** 2) / 2)
-    left = np.fft.ifft(spectrum, axis=1).real
-    right = np.fft.ifft(spectrum * np.exp(2j * np.pi * k * disparity), axis=1).real
-    scale = 50.0 / left.std()
-    return (128 + scale * left).astype(np.float32), (128 + scale * right).astype(np.float32)
-
-
-def slow_patch(left: Float32, right: Float32, y: int, x: int, half_width: int, start: float) -> float:
-    """Disparity of least squared difference of a patch by trying all in steps of 0.005 px."""
-    rows = np.s_[y - 2 : y + 3]
-    columns = np.arange(x - half_width, x + half_width + 1)
-    tries = np.arange(start - 1.5, start + 1.5, 0.005)
-    errors = []
-    for disparity in tries:
-        seen = np.stack([np.interp(columns - disparity, np.arange(128), row) for row in right[rows]])
-        errors.append(np.mean((left[rows, columns] - seen) ** 2))
-    return float(tries[int(np.argmin(errors))])
-
-
-def test_patch_match_is_the_least_squares_shift() -> None:
-    left, right = shifted_pair(10.3, 1)
-    shape = left.shape
-    disparity = np.full(shape, 11.0, dtype=np.float32)
-    sigma = np.zeros(shape, dtype=np.float32)
-    match_patches(
-        left, right, np.full(shape, 0.5, dtype=np.float32), np.full(shape, 50.0, dtype=np.float32), 4, 0.1, 1.5, 0.15,
-        disparity, sigma,
-    )  # fmt: skip
-    for y, x in ((6, 40), (10, 60), (12, 100)):
-        # The kernel stops when a step is below 0.02 px.
-        assert disparity[y, x] == pytest.approx(slow_patch(left, right, y, x, 4, 10.3), abs=0.02)
-    # Linear interpolation between pixels biases a shift by a few hundredths of a pixel.
-    assert np.median(np.abs(disparity[:, 30:100] - 10.3)) < 0.03
-
-
-def test_only_doubtful_pixels_are_matched_again_and_misfits_dropped() -> None:
-    left = shifted_pair(10.3, 2)[0]
-    shape = left.shape
-    mismatch = np.zeros(shape, dtype=np.float32)
-    mismatch[:, 64:] = 0.5
-    disparity = np.full(shape, 11.0, dtype=np.float32)
-    unrelated = shifted_pair(10.3, 3)[1]
-    sigma = np.zeros(shape, dtype=np.float32)
-    amplitude = np.full(shape, 50.0, dtype=np.float32)
-    match_patches(left, unrelated, mismatch, amplitude, 4, 0.1, 1.5, 0.15, disparity, sigma)
-    assert (disparity[:, :64] == 11.0).all()
-    assert np.isnan(disparity[:, 64:]).mean() > 0.95
-
-
-def test_right_as_left_equalises_gain_and_shift() -> None:
-    projector = small_map(small_rig())
-    carriers = small_carriers(projector, 12.0)
-    phases = phases_of(np.full(SMALL[::-1], 8.3), projector, carriers, (0.0, 0.0))
-    dim = replace(phases[1], amplitude=phases[1].amplitude * np.float32(0.8), background=phases[1].background * 0.8 - 5)
-    disparity = np.full(SMALL[::-1], 8.3, dtype=np.float32)
-    right = np.random.default_rng(0).uniform(0, 150, SMALL[::-1]).astype(np.float32)
-    np.testing.assert_allclose(right_as_left(right, disparity, (phases[0], dim)), (right + 5.0) / 0.8, rtol=1e-4)
-
-
-def test_views_that_measure_follow_from_the_rig() -> None:
-    """The paper's projector stands between the cameras; one 200 mm outside a 40 mm pair measures better."""
-    for rig, by_stereo in ((paper_rig(), True), (outside_rig(), False)):
-        projector = ProjectorMap.build(rig, paper_pattern())
-        carrier = Carrier.left(projector, rig.image_size, float(rig.disparity_px(1.0)), 2)
-        assert measures_by_stereo(carrier, projector) is by_stereo
