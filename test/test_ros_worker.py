@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from threading import Event, Thread
 
+import pytest
+
+from moire_sensor.errors import MoireError
 from moire_sensor.ros.tally import Tally
 from moire_sensor.ros.worker import Worker
 
@@ -94,3 +97,56 @@ def test_tally_counts_from_several_threads_and_keeps_the_last_text() -> None:
     for value in (0.1, 0.2, 0.3):
         tally.add_latency(value)
     assert tally.snapshot().latency_s(50) == 0.2
+
+
+def test_drain_ends_after_the_job_under_way_and_leaves_out_what_waits() -> None:
+    begun, go_on = Event(), Event()
+    done: list[int] = []
+    pushed_out: list[int] = []
+
+    def work(job: int) -> None:
+        begun.set()
+        assert go_on.wait(TIMEOUT_S)
+        done.append(job)
+
+    worker: Worker[int] = Worker(work, pushed_out.append, 5)
+    for job in range(3):
+        worker.submit(job)
+    assert begun.wait(TIMEOUT_S)
+    assert not worker.drain(0.0)
+    go_on.set()
+    assert worker.drain(10.0)
+    assert (done, pushed_out) == ([0], [2])
+    worker.submit(9)
+    assert worker.stop(10.0)
+
+
+def test_waiting_for_the_preparation_tells_when_it_is_over_and_what_it_raised() -> None:
+    go_on = Event()
+
+    def prepare() -> None:
+        assert go_on.wait(TIMEOUT_S)
+        raise MoireError("no kernels")
+
+    worker: Worker[int] = Worker(lambda _: None, lambda _: None, 1, prepare)
+    assert not worker.wait_prepared(0.0)
+    go_on.set()
+    with pytest.raises(MoireError, match="no kernels"):
+        worker.wait_prepared(10.0)
+
+
+def test_a_smaller_queue_holds_less_from_the_next_job_on() -> None:
+    go_on = Event()
+    pushed_out: list[int] = []
+
+    def prepare() -> None:
+        assert go_on.wait(TIMEOUT_S)
+
+    worker: Worker[int] = Worker(lambda _: None, pushed_out.append, 5, prepare)
+    for job in range(5):
+        worker.submit(job)
+    worker.set_queue_depth(2)
+    worker.submit(5)
+    assert pushed_out == [4]
+    go_on.set()
+    assert worker.stop(10.0)
