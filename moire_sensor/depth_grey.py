@@ -131,7 +131,7 @@ def compare(left, right, disparity, amplitude, noise, power, met, apart):  # typ
             difference = left[y, x] - (p1 + t * (c1 + t * (c2 + t * c3)))
             distance = abs(difference)
             same = known and distance < FOREIGN_SHARE * amplitude[y, x] + np.float32(3.0) * noise
-            own = half * (left[y, x + 1] - left[y, x - 1])
+            own = half * (left[y, min(x + 1, width - 1)] - left[y, max(x - 1, 0)])
             power[y, x] = own * slope if same else zero
             met[y, x] = -own * difference if same else zero
             apart[y, x] = distance if known else zero

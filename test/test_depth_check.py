@@ -10,7 +10,7 @@ import pytest
 from dense_rigs import Float32, capture, dense_shot, sensor
 
 from moire_sensor import Reconstructor, Status
-from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_misfits, is_unique, without_specks
+from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_misfits, drop_slivers, is_unique, without_specks
 from moire_sensor.depth_confidence import WEIGHTS, confidence_of
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_views import PATCH_PX, typical_mismatch_rad
@@ -85,6 +85,26 @@ def test_specks_do_not_depend_on_where_disparities_lie(shift: float) -> None:
 
 def test_an_empty_image_has_no_surfaces() -> None:
     assert not without_specks(np.full((20, 30), np.nan, dtype=np.float32), 5).any()
+
+
+def without_slivers(line: Float32, least: int) -> Float32:
+    """Runs of neighbours at most a pixel apart, cut out and weighed one by one."""
+    apart = ~(np.abs(np.diff(line)) <= 1.0)
+    runs = np.split(line, np.flatnonzero(apart) + 1)
+    return np.concatenate([run if run.size >= least else np.full_like(run, np.nan) for run in runs])
+
+
+@pytest.mark.parametrize("least", [0, 1, 2, 5, 100])
+def test_slivers_are_the_short_runs(least: int) -> None:
+    rng = np.random.default_rng(8)
+    # Surfaces 1 to 12 px wide with holes, and runs that reach both borders.
+    disparity = np.repeat(rng.uniform(20.0, 60.0, (30, 40)), rng.integers(1, 13, 40), axis=1).astype(np.float32)
+    disparity += rng.uniform(-0.4, 0.4, disparity.shape).astype(np.float32)
+    disparity[rng.uniform(size=disparity.shape) < 0.05] = np.nan
+    expected = np.array([without_slivers(line, least) for line in disparity])
+    drop_slivers(disparity, least)
+    np.testing.assert_array_equal(disparity, expected)
+    assert np.isfinite(expected).any() == (least < 100)
 
 
 def test_misfits_are_dropped() -> None:

@@ -1,0 +1,274 @@
+"""Disparities by grey levels: the kernels against loops, and known sub-pixel shifts of noisy fringes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dense_rigs import SMALL, Array, Float32, outside_rig
+
+from moire_sensor.depth_grey import (
+    FOREIGN_SHARE,
+    LARGEST_STEP_PX,
+    box_sum,
+    check_greys,
+    compare,
+    least_difference,
+    match_greys,
+    measures_by_stereo,
+    move,
+    right_as_left,
+)
+from moire_sensor.depth_refine import Match
+from moire_sensor.paper_rig import PERIOD_PX, paper_pattern, paper_rig
+from moire_sensor.phase_carrier import Carrier
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.settings import Settings
+
+HALF_WIDTH = 8
+NOISE = 1.5
+
+
+def random_views(seed: int, shape: tuple[int, int]) -> tuple[Float32, Float32, Float32, Float32]:
+    """Left and right grey levels, disparities with holes and beyond both borders, amplitudes."""
+    rng = np.random.default_rng(seed)
+    left, right = (rng.uniform(0.0, 255.0, shape).astype(np.float32) for _ in range(2))
+    disparity = rng.uniform(-0.4 * shape[1], 0.9 * shape[1], shape).astype(np.float32)
+    disparity[:, ::7] = np.rint(disparity[:, ::7])
+    disparity[rng.uniform(size=shape) < 0.1] = np.nan
+    return left, right, disparity, rng.uniform(50.0, 600.0, shape).astype(np.float32)
+
+
+def cubic(row: Array, column: float) -> tuple[float, float]:
+    """Value and slope of the cubic through the nearest two pixels with their central differences as slopes."""
+    base = int(column)
+    t = column - base
+    before, near, far, after = row[base - 1 : base + 3].astype(float)
+    starts, ends = (far - before) / 2.0, (after - near) / 2.0
+    # Hermite's base functions and their derivatives.
+    value = (2 * t**3 - 3 * t**2 + 1) * near + (t**3 - 2 * t**2 + t) * starts
+    value += (-2 * t**3 + 3 * t**2) * far + (t**3 - t**2) * ends
+    slope = (6 * t**2 - 6 * t) * (near - far) + (3 * t**2 - 4 * t + 1) * starts + (3 * t**2 - 2 * t) * ends
+    return value, slope
+
+
+def slow_compare(left: Float32, right: Float32, disparity: Float32, amplitude: Float32) -> Array:
+    """Slope times slope, slope times difference, difference: (3, H, W)."""
+    height, width = left.shape
+    result = np.zeros((3, height, width))
+    for y, x in np.argwhere(np.isfinite(disparity)):
+        column = float(np.float32(x) - disparity[y, x])
+        if not 1.0 <= column <= width - 3:
+            continue
+        value, slope = cubic(right[y], column)
+        beside = left[y, [max(x - 1, 0), min(x + 1, width - 1)]].astype(float)
+        own = (beside[1] - beside[0]) / 2.0
+        difference = float(left[y, x]) - value
+        result[2, y, x] = abs(difference)
+        if abs(difference) < FOREIGN_SHARE * amplitude[y, x] + 3.0 * NOISE:
+            result[:2, y, x] = own * slope, -own * difference
+    return result
+
+
+@pytest.mark.parametrize("shape", [(12, 60), (1, 8), (5, 4)])
+def test_comparison_is_that_of_the_slow_loop(shape: tuple[int, int]) -> None:
+    left, right, disparity, amplitude = random_views(1, shape)
+    found = np.full((3, *shape), np.nan, dtype=np.float32)
+    compare(left, right, disparity, amplitude, np.float32(NOISE), *found)
+    expected = slow_compare(left, right, disparity, amplitude)
+    # Products of two slopes of up to 300 grey levels a pixel, in float32 with columns to 4e-6 px.
+    np.testing.assert_allclose(found, expected, atol=0.5, rtol=1e-4)
+    if shape[1] == 60:
+        known, same = expected[2] > 0.0, expected[0] != 0.0
+        assert 0.3 < known.mean() < 0.8
+        assert 0.3 < same.sum() / known.sum() < 0.9
+
+
+def test_columns_at_the_images_borders_have_slopes_of_their_own_row() -> None:
+    """The last column has no right neighbour: what stands in the next row must not matter."""
+    left, right, disparity, amplitude = random_views(2, (6, 40))
+    disparity[:] = 3.25
+    found = []
+    for scale in (1.0, 0.0):
+        left[1::2] *= np.float32(scale)
+        result = np.full((3, *left.shape), np.nan, dtype=np.float32)
+        compare(left, right, disparity, amplitude, np.float32(NOISE), *result)
+        found.append(result[:, ::2])
+    np.testing.assert_array_equal(found[0], found[1])
+
+
+def test_moves_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(3)
+    shape = (20, 30)
+    disparity = rng.uniform(0.0, 50.0, shape).astype(np.float32)
+    disparity[rng.uniform(size=shape) < 0.1] = np.nan
+    power = rng.uniform(-100.0, 1000.0, shape).astype(np.float32)
+    met = rng.normal(0.0, 300.0, shape).astype(np.float32)
+    enough, noise = np.float32(225.0), np.float32(NOISE)
+    step = np.clip(met / np.maximum(power, enough), -LARGEST_STEP_PX, LARGEST_STEP_PX)
+    expected = disparity + np.where(power > enough, step, np.float32(0.0))
+    sigma = np.empty(shape, dtype=np.float32)
+    # In place, as it is used.
+    move(disparity, power, met, enough, noise, disparity, sigma)
+    np.testing.assert_allclose(disparity, expected, rtol=1e-6)
+    np.testing.assert_allclose(sigma, NOISE * np.sqrt(2.0 / np.maximum(power, enough)), rtol=1e-6)
+    assert (np.abs(met / power) > LARGEST_STEP_PX).any()
+
+
+def test_box_sums_end_at_the_border() -> None:
+    values = np.random.default_rng(4).uniform(-1.0, 1.0, (12, 20)).astype(np.float32)
+    expected = [[values[max(y - 2, 0) : y + 3, max(x - 3, 0) : x + 4].sum() for x in range(20)] for y in range(12)]
+    np.testing.assert_allclose(box_sum(values, (7, 5)), expected, atol=1e-5)
+
+
+def test_least_difference_is_that_of_the_best_window_that_holds_the_pixel() -> None:
+    apart = np.random.default_rng(5).uniform(0.0, 9.0, (16, 24)).astype(np.float32)
+    means = {(y, x): apart[y - 1 : y + 2, x - 2 : x + 3].mean() for y in range(1, 15) for x in range(2, 22)}
+    found = least_difference(apart, (5, 3))
+    for y in range(2, 14):
+        for x in range(4, 20):
+            around = (means[y + down, x + aside] for down in (-1, 0, 1) for aside in range(-2, 3))
+            assert found[y, x] == pytest.approx(min(around), rel=1e-5)
+
+
+def fringes(columns: Array, amplitude: float) -> Array:
+    """A fringe on a surface whose background falls to the right and is textured."""
+    background = 120.0 - 0.15 * columns + 4.0 * np.sin(columns / 23.0)
+    return background + amplitude * np.cos(2.0 * np.pi * columns / PERIOD_PX)
+
+
+def shifted_views(disparity: float, amplitude: float, seed: int, slope: float = 0.0) -> tuple[Float32, Float32]:
+    """Both views of a plane of disparity ``disparity + slope x``, (240, 320), with noise of their own."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(320.0)
+    left, right = fringes(x, amplitude), fringes((x + disparity) / (1.0 - slope), amplitude)
+    noisy = [np.float32(line + rng.normal(0.0, NOISE, (240, 320))) for line in (left, right)]
+    return noisy[0], noisy[1]
+
+
+def start(disparity: Array | float) -> Match:
+    flat = np.broadcast_to(np.float32(disparity), (240, 320)).copy()
+    return Match.of(flat, np.full_like(flat, 0.1), np.zeros_like(flat))
+
+
+def settled(views: tuple[Float32, Float32], amplitude: float, first: Array | float) -> Match:
+    return match_greys(start(first), views, np.full((240, 320), amplitude, dtype=np.float32), HALF_WIDTH, Settings())
+
+
+def floor_px(amplitude: float, rows: int = 15) -> float:
+    """Noise floor: standard deviation of a shift of one period's pixels in two images (Cramer and Rao)."""
+    squares = (2.0 * np.pi / PERIOD_PX * amplitude) ** 2 / 2.0 * (2 * HALF_WIDTH + 1) * rows
+    return float(NOISE * np.sqrt(2.0 / squares))
+
+
+def interpolation_px(disparity: float) -> float:
+    """Shift of a fringe that central differences as slopes cost: their error is a sixth of the third derivative."""
+    t = 1.0 - disparity % 1.0
+    return abs(t * (1.0 - t) * (1.0 - 2.0 * t)) / 6.0 * (2.0 * np.pi / PERIOD_PX) ** 2
+
+
+WHOLE = np.s_[10:-10, 40:-20]
+
+
+@pytest.mark.parametrize("disparity", [12.0, 12.2, 12.5, 12.8])
+@pytest.mark.parametrize("amplitude", [20.0, 70.0])
+def test_a_known_shift_is_measured_without_bias(disparity: float, amplitude: float) -> None:
+    """Squared slopes of one image would draw shifts at amplitude 20 to whole pixels by half the noise floor."""
+    match = settled(shifted_views(disparity, amplitude, 6), amplitude, disparity + 0.3)
+    error = match.disparity_px[WHOLE] - disparity
+    # Some 220 independent windows tell the mean to 7 % of the floor.
+    assert abs(error.mean()) < 0.2 * floor_px(amplitude) + interpolation_px(disparity)
+    assert error.std() < 1.3 * floor_px(amplitude)
+
+
+@pytest.mark.parametrize("slope", [-0.15, 0.25])
+def test_a_sloped_plane_is_measured_without_bias(slope: float) -> None:
+    truth = 12.3 + slope * np.arange(320.0)
+    match = settled(shifted_views(12.3, 70.0, 7, slope), 70.0, truth - 0.25)
+    inside = match.disparity_px[10:-10, 110:270] - truth[110:270]
+    assert abs(inside.mean()) < 0.3 * floor_px(70.0)
+    assert np.isfinite(inside).all()
+
+
+@pytest.mark.parametrize("amplitude", [20.0, 70.0])
+def test_predicted_sigma_is_the_scatter(amplitude: float) -> None:
+    match = settled(shifted_views(12.4, amplitude, 8), amplitude, 12.5)
+    # What issue and contract demand of depth_sigma_m.
+    assert np.median(match.sigma_px[WHOLE]) == pytest.approx((match.disparity_px[WHOLE] - 12.4).std(), rel=0.2)
+
+
+def test_unknown_stays_unknown_and_edges_do_not_move_what_lies_beside_them() -> None:
+    """Two surfaces 9.5 px apart: each is measured as if the other were not there, beyond what windows can reach.
+
+    Two windows and the mean between them reach 3 x 8 px; columns 150 to 160 are hidden from the right camera.
+    """
+    pairs = zip(shifted_views(12.2, 70.0, 9), shifted_views(21.7, 70.0, 10), strict=True)
+    # The near surface begins at left column 160, so at right column 138.3.
+    views = [np.where(np.arange(320) < border, *pair) for border, pair in zip((160, 139), pairs, strict=True)]
+    first = np.where(np.arange(320) < 160, 12.4, 21.5) * np.ones((240, 1))
+    first[100:110, 60:70] = np.nan
+    match = settled((views[0], views[1]), 70.0, first)
+    assert np.isnan(match.disparity_px[100:110, 60:70]).all()
+    assert np.isfinite(match.disparity_px[:, 160:280]).mean() > 0.99
+    for columns, truth in ((np.s_[40:126], 12.2), (np.s_[184:290], 21.7)):
+        error = match.disparity_px[10:-10, columns] - truth
+        assert abs(np.nanmean(error)) < 0.3 * floor_px(70.0) + interpolation_px(truth)
+        # 4 to 5 sigma are the largest of some 80 independent windows.
+        assert np.nanmax(np.abs(error)) < 6.0 * floor_px(70.0)
+
+
+def test_views_that_look_different_lose_their_disparity() -> None:
+    left, right = shifted_views(12.2, 70.0, 11)
+    right[:, 150:] = fringes(np.arange(150, 320) + 12.2 + 0.5 * PERIOD_PX, 70.0)
+    match = settled((left, right), 70.0, 12.3)
+    assert np.isfinite(match.disparity_px[:, 20:150]).all()
+    assert np.isnan(match.disparity_px[:, 172:300]).mean() > 0.9
+
+
+def test_check_leaves_what_fits_and_drops_what_does_not() -> None:
+    left, right = shifted_views(12.2, 70.0, 12)
+    match = start(12.2)
+    match.disparity_px[120:, :] += np.float32(0.5 * PERIOD_PX)
+    match.disparity_px[50:60, 100:120] = np.nan
+    before = match.disparity_px.copy()
+    check_greys(match, (left, right), np.full(left.shape, 70.0, dtype=np.float32), Settings())
+    after = match.disparity_px
+    known = np.isfinite(after)
+    np.testing.assert_array_equal(after[known], before[known])
+    assert known[:119, 20:300].mean() == pytest.approx(1.0 - 200.0 / (119 * 280))
+    # Half a period off, a cosine meets its own negative, and crosses it twice a period: windows of five columns there.
+    assert known[121:, 40:300].mean() < 0.35
+
+
+def flat_phases() -> tuple[PhaseImage, PhaseImage]:
+    shape = SMALL[::-1]
+    x = np.broadcast_to(np.arange(SMALL[0], dtype=np.float32), shape)
+    known = np.zeros(shape, dtype=np.float32)
+    left = PhaseImage(known, 50.0 + 0.1 * x, 80.0 + x, known + 0.01, np.zeros(shape, dtype=np.uint8))
+    # What the left camera sees at column x the right one sees 8 columns farther left, dimmer.
+    dim = replace(left, amplitude=0.8 * (left.amplitude + 0.8), background=0.8 * (left.background + 8.0) - 5.0)
+    return left, dim
+
+
+def test_right_as_left_equalises_gain_and_shift() -> None:
+    disparity = np.full(SMALL[::-1], 8.3, dtype=np.float32)
+    disparity[::2] = np.nan
+    right = np.random.default_rng(0).uniform(0, 150, SMALL[::-1]).astype(np.float32)
+    np.testing.assert_allclose(right_as_left(right, disparity, flat_phases()), (right + 5.0) / 0.8, rtol=2e-4)
+
+
+def test_too_few_matches_tell_no_gain() -> None:
+    disparity = np.full(SMALL[::-1], np.nan, dtype=np.float32)
+    disparity[:20, :20] = 8.3
+    right = np.random.default_rng(0).uniform(0, 150, SMALL[::-1]).astype(np.float32)
+    np.testing.assert_array_equal(right_as_left(right, disparity, flat_phases()), right)
+
+
+def test_views_that_measure_follow_from_the_rig() -> None:
+    """The paper's projector stands between the cameras; one 200 mm outside a 40 mm pair measures better."""
+    for rig, by_stereo in ((paper_rig(), True), (outside_rig(), False)):
+        projector = ProjectorMap.build(rig, paper_pattern())
+        carrier = Carrier.left(projector, rig.image_size, float(rig.disparity_px(1.0)), 2)
+        assert measures_by_stereo(carrier, projector) is by_stereo
