@@ -49,7 +49,7 @@ class OrderCosts:
         self._map = projector.packed()
         self._first = orders.first
         self._limits_px = orders.limits_px
-        self._row = np.zeros((workers, 5, width + 2), dtype=np.float32)
+        self._row = np.zeros((workers, 8, width + 2), dtype=np.float32)
         self._nearest = np.zeros((workers, width), dtype=np.int32)
         self._matches = np.zeros((workers, 2, orders.count, width), dtype=np.float32)
 
@@ -90,6 +90,7 @@ def fill_costs(  # type: ignore[no-untyped-def]
         worker = np.int64(number)
         phase, turns = lines[worker, 0, :width], lines[worker, 1, :width]
         seen, bound, runner_up = lines[worker, 2], lines[worker, 3, :width], lines[worker, 4, :width]
+        scale, px_per_rad, beyond = lines[worker, 5, :width], lines[worker, 6, :width], lines[worker, 7, : width + 1]
         columns, mismatches = matches[worker, 0], matches[worker, 1]
         for y in range(worker, height, workers):
             for x in range(width):
@@ -102,11 +103,10 @@ def fill_costs(  # type: ignore[no-untyped-def]
                 subtract_seen(seen, nearest[worker], turns)
                 weigh(column, turns, limits, flat, mismatch, line)
             find_rivals(mismatches, bound, runner_up)
+            fill_scales(amplitude[y], rad_per_px[y], right_i[y], scale, px_per_rad, beyond)
             for label in range(cost.shape[1]):
-                add_greys(
-                    left_i[y], right_i[y], amplitude[y], rad_per_px[y], columns[label], mismatches[label], bound,
-                    cost[y, label, :width],
-                )  # fmt: skip
+                match(columns[label], mismatches[label], px_per_rad)
+            add_greys(left_i[y], beyond, scale, columns, mismatches, bound, cost[y])
 
 
 @njit(inline="always")
@@ -149,10 +149,11 @@ def weigh(column, turns, limits, flat, mismatch, cost):  # type: ignore[no-untyp
         excess = turns[index]
         angle = TWO_PI * (excess - np.floor(excess + np.float32(0.5)))
         size = abs(angle)
-        value = gentle * size if size < flat else min(FLAT_COST + steep * (size - flat), np.float32(1.0))
+        value = gentle * size if size < flat else FLAT_COST + steep * (size - flat)
         seen = size == size
         disparity = np.float32(np.int32(index)) - column[index]
         inside = (disparity >= least) & (disparity <= most)
+        value = value if value < np.float32(1.0) else np.float32(1.0)
         value = value if seen else UNSEEN_COST
         value = value if inside else BLOCKED_COST
         value = value if column[index] == column[index] else np.float32(0.0)
@@ -179,14 +180,34 @@ def find_rivals(mismatch, bound, runner_up):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def add_greys(left, right, amplitude, rad_per_px, column, mismatch, bound, cost):  # type: ignore[no-untyped-def]
+def fill_scales(amplitude, rad_per_px, right, scale, px_per_rad, beyond):  # type: ignore[no-untyped-def]
+    """Fill cost per grey level and columns per mismatch of a row; copy right grey levels, the last one twice."""
+    for x in range(scale.size):
+        scale[x] = GREY_WEIGHT / (amplitude[x] if amplitude[x] > np.float32(1.0) else np.float32(1.0))
+        px_per_rad[x] = np.float32(1.0) / rad_per_px[x]
+        beyond[x] = right[x]
+    beyond[scale.size] = right[scale.size - 1]
+
+
+@njit(inline="always")
+def match(column, mismatch, px_per_rad):  # type: ignore[no-untyped-def]
+    """Move right columns to where the phases match, inside the image; the carrier's speed is taken at column x."""
+    last = np.float32(column.size - 1)
+    for x in range(column.size):
+        at = column[x] + mismatch[x] * px_per_rad[x]
+        at = at if at > np.float32(0.0) else np.float32(0.0)
+        column[x] = at if at < last else last
+
+
+@njit(inline="always")
+def add_greys(left, right, scale, matched, mismatch, bound, cost):  # type: ignore[no-untyped-def]
     """Add to the costs of rivals how far grey levels differ where their phases match, in fringe amplitudes."""
-    last = np.float32(right.size - 1)
-    for x in range(cost.size):
-        if abs(mismatch[x]) < bound[x]:
-            near = np.uint32(min(max(column[x], np.float32(0.0)), last))
-            at = min(max(column[x] + mismatch[x] / rad_per_px[near], np.float32(0.0)), last)
-            before = min(np.uint32(at), np.uint32(right.size - 2))
-            seen = right[before] + (at - np.float32(before)) * (right[before + 1] - right[before])
-            differ = GREY_WEIGHT * abs(left[x] - seen) / max(amplitude[x], np.float32(1.0))
-            cost[x] += np.uint8(np.int32(min(differ, GREY_COST) * UNITS + np.float32(0.5)))
+    for x in range(bound.size):
+        for label in range(mismatch.shape[0] if bound[x] > np.float32(0.0) else 0):
+            if abs(mismatch[label, x]) < bound[x]:
+                before = np.uint32(matched[label, x])
+                part = matched[label, x] - np.float32(before)
+                seen = right[before] + part * (right[before + 1] - right[before])
+                differ = scale[x] * abs(left[x] - seen)
+                differ = differ if differ < GREY_COST else GREY_COST
+                cost[label, x] = np.uint8(cost[label, x] + np.uint8(np.int32(differ * UNITS + np.float32(0.5))))

@@ -64,7 +64,7 @@ class OrderPaths:
         self._across = np.full((rows, columns), ANEW, dtype=np.int8)
         self._block_cost = np.zeros((workers, columns, labels, lanes), dtype=np.uint8)
         self._block_across = np.zeros((workers, columns, lanes), dtype=np.int8)
-        self._block_total = np.zeros((workers, columns, labels, lanes), dtype=np.int16)
+        self._block_total = np.full((workers, columns, labels + 3, lanes), NEVER, dtype=np.int16)
         self._block_states = np.zeros((workers, 2, labels + 3, lanes), dtype=np.int16)
         stripes = min(max(-(-width // STRIPE_COLUMNS), workers), width)
         stripe = -(-width // stripes)
@@ -128,25 +128,24 @@ def fill_row_paths(  # type: ignore[no-untyped-def]
                 transpose_bytes(cost_words[:, label], first, cost_in[worker, :, label])
             row_paths(cost[worker], across[worker], states[worker], jump, total[worker])
             for label in range(cost.shape[2]):
-                transpose_back(total_words[worker, :, label], total_out[:, label], first)
+                transpose_back(total_words[worker, :, label + 1], total_out[:, label], first)
 
 
 @njit(cache=True)
 def row_paths(cost, across, states, jump, total):  # type: ignore[no-untyped-def]
-    """Fill ``total`` (columns, labels, lanes) of one block; its last column is margin."""
+    """Fill ``total`` (columns, labels + 3, lanes) of one block, laid out as states; its last column is margin.
+
+    The programme to the right keeps its states there, beginning from the margin; that to the left adds its own.
+    """
     columns, labels = cost.shape[:2]
-    states[:] = NEVER
     for x in range(columns - 1):
-        state = states[x % 2]
-        advance(cost[x], across[x], 1, jump, states[(x + 1) % 2], state)
-        for label in range(labels):
-            total[x, label] = state[label + 1]
+        advance(cost[x], across[x], 1, jump, total[x - 1], total[x])
     states[:] = NEVER
     for x in range(columns - 2, -1, -1):
         state = states[x % 2]
         advance(cost[x], across[x + 1], -1, jump, states[(x + 1) % 2], state)
-        for label in range(labels):
-            add(state[label + 1], total[x, label])
+        for label in range(1, labels + 1):
+            add(state[label], total[x, label])
 
 
 @njit(parallel=True, cache=True)

@@ -50,6 +50,7 @@ class OrderSolver:
 
     def second(self, refused: npt.NDArray[np.bool_]) -> Int8:
         """Return the second cheapest label (H, W) where the first was refused, -1 elsewhere or where there is none."""
-        self._second.fill(-1)
-        np.copyto(self._second, self._runner_up, where=refused)
+        # By arithmetic, since a masked copy takes five times as long: -1 has all bits set.
+        np.subtract(refused.view(np.int8), 1, out=self._second)
+        np.bitwise_or(self._second, self._runner_up, out=self._second)
         return self._second

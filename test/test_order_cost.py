@@ -89,8 +89,7 @@ def slow_costs(
             carrier = np.interp(column, np.arange(width), carriers[1].phase_rad[y])
             mismatch = folded(phase - carrier - phases[1].offset_rad[y, near])
             cost[y, label, x] = phase_cost(abs(mismatch), flat)
-            inside = int(min(max(column, 0), width - 1))
-            apart[label], matched[label] = abs(mismatch), column + mismatch / float(carriers[1].rad_per_px[y, inside])
+            apart[label], matched[label] = abs(mismatch), column + mismatch / float(carriers[1].rad_per_px[y, x])
         closest = min([float(FULL_MISMATCH_RAD), *apart.values()])
         rivals = [label for label in apart if apart[label] < closest + RIVAL_RAD]
         for label in rivals if len(rivals) > 1 else []:
