@@ -30,7 +30,7 @@ from moire_sensor.settings import Settings
 BAND_ROWS = 120
 GOOD_SHARE = 1.3
 # Enough windows for the median of their variances: one in so many rows and columns.
-SAMPLED_ROWS, SAMPLED_COLUMNS = 16, 4
+SAMPLED_ROWS, SAMPLED_COLUMNS = 32, 4
 
 
 def phase_from_single(

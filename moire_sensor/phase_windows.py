@@ -27,10 +27,10 @@ PLAIN, NEAR, FAR = (np.float32(penalty) for penalty in SHIFT_PENALTY)
 SATURATED = np.float32(254.5)
 OK, DARK, FULL = (np.uint8(status) for status in (Status.OK, Status.UNLIT, Status.SATURATED))
 NAN, TINY = np.float32(np.nan), np.float32(1e-9)
-# The four lowest bits of a variance, one part in 500,000, give way to the number of its window.
+# The four lowest bits of a variance give way to the number 0 to 14 of its window.
 NUMBERS = np.int32(15)
 CENTRED = 7
-LAST_KEY = np.int32((UNUSABLE.view(np.int32) & ~NUMBERS) | CENTRED)
+LAST_KEY = np.int32((UNUSABLE.view(np.int32) & ~NUMBERS) | CENTRED).view(np.float32)
 
 
 class Choice(NamedTuple):
@@ -52,66 +52,82 @@ def pick_row(image, planes, y, choice, good, offset, background, amplitude, sigm
     """
     width = image.size
     first = (planes.shape[2] - width) // 2
-    number = np.empty(width, dtype=np.int32)
+    number = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
     row = y % planes.shape[1]
-    offset[:] = planes[CARRIED, row][first : first + width]
-    background[:] = planes[BACKGROUND, row][first : first + width]
-    amplitude[:] = planes[AMPLITUDE, row][first : first + width]
-    sigma[:] = planes[VARIANCE, row][first : first + width]
-    best_numbers(planes[VARIANCE], y, first, choice, number)
-    take_shifted(planes, y, first, choice, good, number, offset, background, amplitude, sigma)
+    copy_row(planes[CARRIED, row][first:], offset)
+    copy_row(planes[BACKGROUND, row][first:], background)
+    copy_row(planes[AMPLITUDE, row][first:], amplitude)
+    copy_row(planes[VARIANCE, row][first:], sigma)
+    best_numbers(planes[VARIANCE], y, first, choice, good, np.empty(width, dtype=np.float32), number)
+    take_shifted(planes, y, first, choice, number, offset, background, amplitude, sigma)
     judge(image, amplitude, sigma, choice.min_amplitude, choice.min_amplitude_to_noise, status)
     phase_noise(amplitude, choice.sigma_factor, sigma)
     known(offset, choice.step_rad, status)
 
 
 @njit(**FAST)
-def best_numbers(variance, y, first, choice, number):  # type: ignore[no-untyped-def]
-    """Number 0 to 14, row by row, of the window that fits best."""
-    number[:] = LAST_KEY
+def copy_row(source, target):  # type: ignore[no-untyped-def]
+    """Copy of a row; the compiler copies a slice several times slower."""
+    for x in range(target.size):
+        target[x] = source[x]
+
+
+@njit(**FAST)
+def best_numbers(variance, y, first, choice, good, key, number):  # type: ignore[no-untyped-def]
+    """Number 1 to 15 of the shifted window that fits best, 0 for the centred one; ``key`` is room for a row."""
+    key[:] = LAST_KEY
     far_left, left, right, far_right = choice.columns[0], choice.columns[1], choice.columns[3], choice.columns[4]
     for j in range(3):
         row = variance[(y + choice.rows[5 * j]) % variance.shape[0]]
         centre = PLAIN if j == 1 else NEAR
         challenge(
             row[first + far_left :], row[first + left :], row[first:], row[first + right :], row[first + far_right :],
-            centre, np.int32(5 * j), number,
+            centre, np.int32(5 * j), key,
         )  # fmt: skip
-    for x in range(number.size):
-        number[x] &= NUMBERS
+    own = variance[y % variance.shape[0]][first:]
+    for x in range(key.size):
+        best = np.float32(key[x]).view(np.int32) & NUMBERS
+        number[x] = np.uint8(best ^ CENTRED if own[x] > good else 0)
+
+
+@njit(inline="always", **FAST)
+def numbered(variance, number):  # type: ignore[no-untyped-def]
+    """A variance whose lowest four bits say which window it is of: as good to compare, one part in 500,000 aside."""
+    return np.int32((np.float32(variance).view(np.int32) & ~NUMBERS) | number).view(np.float32)
 
 
 @njit(**FAST)
 def challenge(far_left, left, here, right, far_right, centre, first, key):  # type: ignore[no-untyped-def]
-    """Smallest key so far and of five windows of one row: bits of the penalised variance, its lowest four the number.
-
-    The bits of positive floats are ordered as the floats are.
-    """
+    """Smallest penalised variance so far and of five windows of one row, each numbered."""
     for x in range(key.size):
-        key_0 = (np.float32(FAR * far_left[x]).view(np.int32) & ~NUMBERS) | first
-        key_1 = (np.float32(NEAR * left[x]).view(np.int32) & ~NUMBERS) | (first + np.int32(1))
-        key_2 = (np.float32(centre * here[x]).view(np.int32) & ~NUMBERS) | (first + np.int32(2))
-        key_3 = (np.float32(NEAR * right[x]).view(np.int32) & ~NUMBERS) | (first + np.int32(3))
-        key_4 = (np.float32(FAR * far_right[x]).view(np.int32) & ~NUMBERS) | (first + np.int32(4))
+        key_0 = numbered(FAR * far_left[x], first)
+        key_1 = numbered(NEAR * left[x], first + np.int32(1))
+        key_2 = numbered(centre * here[x], first + np.int32(2))
+        key_3 = numbered(NEAR * right[x], first + np.int32(3))
+        key_4 = numbered(FAR * far_right[x], first + np.int32(4))
         key[x] = min(key[x], min(min(key_0, key_1), min(key_2, min(key_3, key_4))))
 
 
 @njit(**FAST)
-def take_shifted(planes, y, first, choice, good, number, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
-    """Where the centred window does not fit, carry the phase of the best one to the pixel along its slopes."""
+def take_shifted(planes, y, first, choice, number, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
+    """Where a shifted window is chosen, carry its phase to the pixel along its slopes."""
     flat = planes.reshape((planes.shape[0], planes.shape[1] * planes.shape[2]))
     carried, along, down = flat[CARRIED], flat[ALONG], flat[DOWN]
     backgrounds, amplitudes, variances = flat[BACKGROUND], flat[AMPLITUDE], flat[VARIANCE]
     starts = np.empty(15, dtype=np.int64)
     for k in range(15):
         starts[k] = (y + choice.rows[k]) % planes.shape[1] * planes.shape[2] + choice.columns[k] + first
-    for x in range(number.size):
-        which = np.uint64(number[x])
-        if variance[x] > good and which != CENTRED:
-            at = np.uint64(starts[which] + x)
-            rows, columns = np.float32(choice.rows[which]), np.float32(choice.columns[which])
-            offset[x] = carried[at] - columns * along[at] - rows * down[at]
-            background[x], amplitude[x], variance[x] = backgrounds[at], amplitudes[at], variances[at]
+    eights = number.view(np.uint64)
+    for eight in range(eights.size):
+        if eights[eight] == 0:  # most of them, looked at together
+            continue
+        for x in range(8 * eight, 8 * eight + 8):
+            if number[x] != 0:
+                which = np.uint64(number[x] ^ CENTRED)
+                at = np.uint64(starts[which] + x)
+                rows, columns = np.float32(choice.rows[which]), np.float32(choice.columns[which])
+                offset[x] = carried[at] - columns * along[at] - rows * down[at]
+                background[x], amplitude[x], variance[x] = backgrounds[at], amplitudes[at], variances[at]
 
 
 @njit(**FAST)
