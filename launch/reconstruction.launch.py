@@ -1,6 +1,7 @@
 """The reconstruction alone, for real cameras and a projector whose drivers publish elsewhere.
 
-The topics of the drivers are arguments. Images may be raw: the node rectifies them from the camera infos.
+The topics of the drivers are arguments. Raw images are rectified by the node, from the camera infos; for those that
+image_proc has rectified, say rectified:=true and name its image_rect topics.
 """
 
 from ament_index_python.packages import get_package_share_path
@@ -8,6 +9,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 INPUTS = {
     "left_image": "left/image_raw",
@@ -26,6 +28,7 @@ def generate_launch_description():
         [
             DeclareLaunchArgument("namespace", default_value="head", description="namespace of the results"),
             DeclareLaunchArgument("parameters", default_value=defaults, description="parameter file of the node"),
+            DeclareLaunchArgument("rectified", default_value="false", description="the images are rectified already"),
             *(
                 DeclareLaunchArgument(name, default_value=topic, description=f"topic that stands for {topic}")
                 for name, topic in INPUTS.items()
@@ -34,7 +37,10 @@ def generate_launch_description():
                 package="moire_sensor",
                 executable="reconstruction",
                 namespace=LaunchConfiguration("namespace"),
-                parameters=[LaunchConfiguration("parameters")],
+                parameters=[
+                    LaunchConfiguration("parameters"),
+                    {"input_rectified": ParameterValue(LaunchConfiguration("rectified"), value_type=bool)},
+                ],
                 remappings=[(topic, LaunchConfiguration(name)) for name, topic in INPUTS.items()],
                 output="screen",
             ),
