@@ -50,8 +50,8 @@ def transpose_back(source, target, first):  # type: ignore[no-untyped-def]
 
     Both are words of four numbers along their last axis: ``source`` (width, rows / 4), ``target`` (rows, width / 4).
     """
-    for word in range(source.shape[0] // 4):
-        for group in range(source.shape[1]):
+    for group in range(source.shape[1]):
+        for word in range(source.shape[0] // 4):
             x = 4 * word
             a, b, c, d = source[x, group], source[x + 1, group], source[x + 2, group], source[x + 3, group]
             a, c = swap(a, c, HALF, LOW_HALF)
