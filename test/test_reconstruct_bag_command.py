@@ -105,8 +105,7 @@ def test_a_process_that_dies_takes_no_other_bag_with_it(dense_bag: Path, two_set
     assert len(of_topic(tmp_path / "out" / "long", DEPTH)) == 10
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize(("number", "count"), [(signal.SIGINT, 1), (signal.SIGTERM, 2)])
 def test_a_signal_ends_in_order_and_the_next_run_goes_on(
     dense_bag: Path, tmp_path: Path, number: signal.Signals, count: int
 ) -> None:

@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from moire_sensor.errors import MoireError
 from moire_sensor.ros.head_sets import INFO_TOPICS, STREAM_TOPICS, HeadSets
 from moire_sensor.ros.reconstruction_health import FRESH_S, REASONS
-from moire_sensor.ros.reconstruction_job import Job, reconstruct
+from moire_sensor.ros.reconstruction_job import Job, alignment_facts, reconstruct
 from moire_sensor.ros.reconstruction_report import RECONSTRUCTED, REFUSED, InputState, Report, WorkState
 from moire_sensor.ros.reconstruction_settings import read_settings
 from moire_sensor.ros.result_messages import result_messages
@@ -33,6 +33,8 @@ class BagLedger:
     laser_on: bool | None = None
     facts: dict[str, Any] = field(default_factory=dict)
     found_s: float = 0.0
+    alignment: dict[str, Any] = field(default_factory=dict)
+    checked_s: float | None = None
 
     def count(self, name: str, number: int = 1) -> None:
         """Count what became of a set."""
@@ -105,7 +107,9 @@ class BagHead:
             self.ledger.refuse("internal error", traceback.format_exc())
             return []
         self.ledger.count(RECONSTRUCTED)
-        self.ledger.facts, self.ledger.found_s = result.facts(), now_s
+        self.ledger.facts, self.ledger.found_s = result.facts() | self.ledger.alignment, now_s
+        if self._is_check_due(now_s):
+            self.ledger.alignment, self.ledger.checked_s = alignment_facts(job, result, self._cache), now_s
         return messages
 
     def statuses(self, now_s: float) -> list[DiagnosticStatus]:
@@ -130,6 +134,11 @@ class BagHead:
         ledger = dict(state["ledger"])
         self.ledger = BagLedger(**{**ledger, "counts": Counter(ledger["counts"])})
         self._report = Report(dict(state["last"]), deque((time_s, totals) for time_s, totals in state["history"]))
+
+    def _is_check_due(self, now_s: float) -> bool:
+        """Tell whether it is time to measure what is too dear for every set."""
+        checked_s = self.ledger.checked_s
+        return checked_s is None or not 0.0 <= now_s - checked_s < self._limits.check_period_s
 
     def _take(self, matched: MatchedSet[Any], calibration: Calibration | None) -> None:
         missing = self._sets.missing_infos

@@ -46,7 +46,8 @@ class Bag:
         self.topics: dict[str, RecordedTopic] = {}
         self.promised: dict[str, int] = {}
         self.sizes: dict[str, int] = {}
-        self._scratch = TemporaryDirectory(prefix="bag_", dir=scratch)
+        self._scratch_parent = scratch
+        self._scratch: TemporaryDirectory[str] | None = None
         self._files: list[McapFile | SqliteFile] = []
         try:
             for file in self._storage_files():
@@ -70,7 +71,8 @@ class Bag:
         """Close the files and remove what was uncompressed."""
         for file in self._files:
             file.close()
-        self._scratch.cleanup()
+        if self._scratch is not None:
+            self._scratch.cleanup()
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """Yield the messages of some topics, or of all; compares with the promised numbers at the end."""
@@ -135,8 +137,8 @@ class Bag:
 
     def _prepared(self, path: Path, kind: str) -> Path:
         """Return the file or, where it is compressed or cut short, a copy in the scratch folder that can be read."""
-        target = Path(self._scratch.name) / f"{len(self._files)}_{path.name.removesuffix(PACKED)}"
         if path.suffix == PACKED:
+            target = self._scratch_folder() / f"{len(self._files)}_{path.name.removesuffix(PACKED)}"
             room = int(SPACE_SHARE * shutil.disk_usage(target.parent).free)
             problem = unpack_file(path, target, room)
             if problem:
@@ -144,8 +146,13 @@ class Bag:
             path = target
         if kind == ".db3" and (missing := missing_bytes(path)):
             self.damages.append(f"{path.name}: its last {missing} bytes are missing")
-            path = copy_of_cut_file(path, target.with_suffix(".cut"))
+            path = copy_of_cut_file(path, self._scratch_folder() / f"{len(self._files)}_{path.name}.cut")
         return path
+
+    def _scratch_folder(self) -> Path:
+        if self._scratch is None:
+            self._scratch = TemporaryDirectory(prefix="bag_", dir=self._scratch_parent)
+        return Path(self._scratch.name)
 
 
 def storage_files(folder: Path) -> list[Path]:

@@ -53,8 +53,10 @@ def reconstruct_bag(
                     f"namespace; its topics are {', '.join(sorted(bag.topics)) or 'none'}"
                 )
             writer = BagWriter(task.target, task.storage, task.limits, JOURNAL)
-            run = BagRun(task, bag, heads, writer, progress)
-            run.go(outcome, stop)
+            try:
+                BagRun(task, bag, heads, writer, progress).go(outcome, stop)
+            finally:
+                writer.close()
     except (MoireError, OSError) as error:
         outcome.state, outcome.error = "failed", str(error)
     outcome.wall_s = time.monotonic() - begin_s
@@ -93,9 +95,6 @@ class BagRun:
         except DiskFullError:
             # The room that is kept free takes the end of the part.
             self._save()
-            raise
-        except MoireError:
-            self._writer.abandon()
             raise
         finally:
             self._tell(outcome)

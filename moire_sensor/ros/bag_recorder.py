@@ -81,6 +81,7 @@ class BagRecorder:
                     subscription.callback(*taken)
             self._node.destroy_subscription(subscription)
         self._writer.commit()
+        self._writer.close()
 
     def _look_for_publishers(self) -> None:
         """Subscribe to the waiting topics that have a publisher, as it offers them."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import shutil
 import sqlite3
 from collections.abc import Sequence
@@ -65,9 +67,11 @@ class BagWriter:
         self._connections: dict[str, Connection] = {}
         self._part: Writer | None = None
         self._written = 0
+        self._lock = -1
         try:
             self._information = information_of(folder, journal) or empty_information(storage)
             folder.mkdir(parents=True, exist_ok=bool(journal))
+            self._lock = locked(folder)
             self._remove_leftovers()
             self.ensure_room()
         except OSError as error:
@@ -134,6 +138,13 @@ class BagWriter:
         draft.write_text(yaml.safe_dump({ROOT: self._information}, sort_keys=False), encoding="utf-8")
         draft.replace(path)
 
+    def close(self) -> None:
+        """Drop what is not committed, and let others write to the folder."""
+        self.abandon()
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
     def abandon(self) -> None:
         """Drop the part that is not committed, and give its space back."""
         self._break_off()
@@ -189,6 +200,21 @@ class BagWriter:
             # Closing writes what is left in the buffer, which fails on a full disk as well.
             with suppress(OSError, sqlite3.Error):
                 part.abort()
+
+
+def locked(folder: Path) -> int:
+    """Return a file descriptor that locks a folder for as long as it is open; raises SettingsError."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(descriptor)
+        raise SettingsError(f"somebody else is writing to {folder}; wait, or choose a new folder") from error
+    except OSError:
+        # A file system without locks: two runs into one folder are then the user's affair.
+        os.close(descriptor)
+        return -1
+    return descriptor
 
 
 def information_of(folder: Path, journal: str) -> dict[str, Any] | None:
