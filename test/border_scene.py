@@ -1,0 +1,234 @@
+"""A plate before a wall, seen by both cameras pixel by pixel, and the slow loop of the assignment of borders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dense_rigs import Array, Float32
+
+from moire_sensor import depth_border as border
+from moire_sensor.depth_refine import Match
+from moire_sensor.paper_rig import paper_pattern, paper_rig
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.settings import Settings
+
+Mask = npt.NDArray[np.bool_]
+NOISE = 1.5
+AMPLITUDE, BACKGROUND = 70.0, 90.0
+RIM = border.RIM_PX
+PROJECTOR = ProjectorMap.build(paper_rig(), paper_pattern())
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A wall of sloped disparity and a plate before it; the strip right of the plate lies in the projector's shadow."""
+
+    shape: tuple[int, int] = (60, 220)
+    wall_px: float = 12.0
+    plate_px: float = 24.0
+    rows: tuple[int, int] = (15, 45)
+    columns: tuple[int, int] = (90, 150)
+    shadow_px: int = 20
+    noise: float = NOISE
+    seed: int = 0
+
+    @property
+    def plate(self) -> Mask:
+        return self.on_plate(*np.indices(self.shape))
+
+    @property
+    def shadow(self) -> Mask:
+        return self.in_shadow(*np.indices(self.shape))
+
+    @property
+    def hidden(self) -> Mask:
+        """Pixels of the wall that the plate hides from the right camera, and those it does not see at all."""
+        y, x = np.indices(self.shape)
+        behind = self.on_plate(y, np.rint(x - self.wall(x, y)) + self.plate_px) & ~self.plate
+        return np.asarray(behind | (x - self.disparity_px < 0.0))
+
+    @property
+    def disparity_px(self) -> Array:
+        y, x = np.indices(self.shape, dtype=float)
+        return np.where(self.plate, self.plate_px, self.wall(x, y))
+
+    def wall(self, x: Array, y: Array) -> Array:
+        return self.wall_px + 0.01 * x - 0.02 * y
+
+    def on_plate(self, y: Array, x: Array) -> Mask:
+        inside = (self.rows[0] <= y) & (y < self.rows[1]) & (self.columns[0] <= x) & (x < self.columns[1])
+        return np.asarray(inside)
+
+    def in_shadow(self, y: Array, x: Array) -> Mask:
+        end = self.columns[1]
+        return np.asarray((self.rows[0] <= y) & (y < self.rows[1]) & (end <= x) & (x < end + self.shadow_px))
+
+    def grey(self, y: Array, x: Array, disparity: Array, dark: Mask) -> Array:
+        lit = BACKGROUND + AMPLITUDE * np.cos(PROJECTOR.phase_rad_at(x, y, disparity))
+        return np.where(dark, BACKGROUND - AMPLITUDE - 15.0, lit)
+
+    def views(self) -> tuple[Float32, Float32]:
+        """Left and right image with noise of their own."""
+        rng = np.random.default_rng(self.seed)
+        y, x = np.indices(self.shape, dtype=float)
+        left = self.grey(y, x, self.disparity_px, self.shadow)
+        front = self.on_plate(y, x + self.plate_px)
+        # Left pixel of the wall that falls on right column x: x_left - wall(x_left) = x.
+        behind = (x + self.wall_px - 0.02 * y) / 0.99
+        seen = np.where(front, x + self.plate_px, behind)
+        disparity = np.where(front, self.plate_px, self.wall(behind, y))
+        right = self.grey(y, seen, disparity, ~front & self.in_shadow(y, behind))
+        noisy = [np.float32(view + rng.normal(0.0, self.noise, self.shape)) for view in (left, right)]
+        return noisy[0], noisy[1]
+
+    def phase(self) -> PhaseImage:
+        flat = np.zeros(self.shape, dtype=np.float32)
+        return PhaseImage(flat, flat + np.float32(AMPLITUDE), flat + np.float32(BACKGROUND), flat + np.float32(0.01),
+                          np.zeros(self.shape, dtype=np.uint8))  # fmt: skip
+
+    def match(self, disparity: Array) -> Match:
+        flat = np.zeros(self.shape, dtype=np.float32)
+        return Match.of(disparity.astype(np.float32), flat + np.float32(0.02), flat + np.float32(-0.1))
+
+
+def slow_trusted(disparity: Float32) -> Mask:
+    height, width = disparity.shape
+    jump = np.isnan(disparity)
+    jump[:, :-1] |= ~(np.abs(disparity[:, 1:] - disparity[:, :-1]) <= border.JUMP_PX)
+    jump[:-1] |= ~(np.abs(disparity[1:] - disparity[:-1]) <= border.JUMP_PX)
+    return np.array([[not jump[max(y - RIM, 0) : y + RIM + 1, max(x - RIM, 0) : x + RIM + 1].any()
+                      for x in range(width)] for y in range(height)])  # fmt: skip
+
+
+def slow_claims(disparity: Float32, trust: Mask) -> Float32:
+    claim = np.full(disparity.shape, border.NO_CLAIM, dtype=np.float32)
+    for y, x in np.argwhere(trust):
+        falls = float(np.float32(x) - disparity[y, x])
+        for column in (int(np.floor(falls)), int(np.floor(falls)) + 1):
+            if 0 <= column < disparity.shape[1]:
+                claim[y, column] = max(claim[y, column], disparity[y, x])
+    return claim
+
+
+def slow_difference(views: tuple[Float32, Float32], y: int, x: int, plane: tuple[float, float, float]) -> float:
+    """Lowest mean difference, at most the amplitude at each pixel, of the three windows that hold (y, x)."""
+    left, right = views
+    height, width = left.shape
+    means = []
+    for middle in (x - 2, x, x + 2):
+        values = []
+        for row in range(max(y - 1, 0), min(y + 2, height)):
+            for column in range(max(middle - 2, 0), min(middle + 3, width)):
+                seen = column - (plane[0] + plane[1] * (column - x) + plane[2] * (row - y))
+                if 0.0 <= seen < width - 1:
+                    apart = abs(float(left[row, column]) - np.interp(seen, np.arange(width), right[row]))
+                    values.append(min(apart, AMPLITUDE))
+        means.append(np.mean(values) if len(values) >= 8 else np.inf)
+    return float(min(means))
+
+
+def slow_row_match(
+    views: tuple[Float32, Float32], y: int, x: int, plane: tuple[float, float, float], first: int, last: int
+) -> tuple[float, float, float]:
+    """Least squares of the shift along a piece of row: shift, mean squared slope, variance."""
+    left, right = views[0][y].astype(float), views[1][y].astype(float)
+    width = left.size
+    at = np.arange(max(first, 0), min(last, width - 1) + 1)
+    seen = at - (plane[0] + plane[1] * (at - x))
+    at, seen = at[(seen >= 1.0) & (seen < width - 2)], seen[(seen >= 1.0) & (seen < width - 2)]
+    if at.size < border.ROW_SPAN_PX // 2:
+        return 0.0, 0.0, np.inf
+    slopes = np.interp(seen, np.arange(width), np.gradient(right))
+    differences = left[at] - np.interp(seen, np.arange(width), right)
+    power = float(slopes @ slopes) + 1e-3
+    # left(x) = right(x - d - s) = right(x - d) - s slope
+    shift = -float(slopes @ differences) / power
+    rest = differences + shift * slopes
+    return shift, power / at.size, float(rest @ rest) / at.size / power
+
+
+def is_taken(claim: Float32, y: int, x: int, disparity: float) -> bool:
+    column = int(np.floor(x - disparity + 0.5))
+    if not 0 <= column < claim.shape[1]:
+        return True
+    return bool(claim[y, column] > border.NO_CLAIM and abs(claim[y, column] - disparity) > border.SAME_SURFACE_PX)
+
+
+def slow_neighbours(trust: Mask, y: int, x: int) -> list[tuple[int, int]]:
+    """Nearest trusted pixels left, right, above, below, that lie in reach and not at the image's border."""
+    height, width = trust.shape
+    reaches = ((0, -1, width), (0, 1, width), (-1, 0, border.REACH_PX), (1, 0, border.REACH_PX))
+    found = []
+    for down, aside, reach in reaches:
+        for away in range(1, reach + 1):
+            y0, x0 = y + down * away, x + aside * away
+            if not (0 <= y0 < height and 0 <= x0 < width):
+                break
+            if trust[y0, x0]:
+                if RIM <= y0 < height - RIM and RIM <= x0 < width - RIM and abs(x0 - x) <= border.ROW_REACH_PX:
+                    found.append((y0, x0))
+                break
+    return found
+
+
+def slow_offer(
+    views: tuple[Float32, Float32], disparity: Float32, claim: Float32, y: int, x: int, y0: int, x0: int
+) -> tuple[float, float, float] | None:
+    """Difference in amplitudes, disparity and sigma of the plane of (y0, x0) at (y, x), None where it is refused."""
+    along = float(disparity[y0, x0 + RIM] - disparity[y0, x0 - RIM]) / (2 * RIM)
+    across = float(disparity[y0 + RIM, x0] - disparity[y0 - RIM, x0]) / (2 * RIM)
+    d = float(disparity[y0, x0]) + along * (x - x0) + across * (y - y0)
+    phase_rad = float(PROJECTOR.phase_rad_at(np.array(float(x)), np.array(float(y)), d))
+    lacks = BACKGROUND + AMPLITUDE * np.cos(phase_rad) - float(views[0][y, x])
+    if lacks > border.DIM_SHARE * AMPLITUDE + 3 * NOISE or -lacks > border.GLARE_SHARE * AMPLITUDE + 3 * NOISE:
+        return None
+    if abs(d - disparity[y, x]) < border.JUMP_PX:
+        return None
+    first = {True: x, False: x - border.ROW_SPAN_PX}[x0 > x] if x0 != x else x - border.ROW_SPAN_PX // 2
+    shift, power, variance = slow_row_match(views, y, x, (d, along, across), first, first + border.ROW_SPAN_PX)
+    fringe_power = 0.5 * (AMPLITUDE * PROJECTOR.rad_per_column) ** 2
+    if power < border.LEAST_POWER * fringe_power or abs(shift) > border.LARGEST_MOVE_PX:
+        return None
+    d += shift if abs(shift) > border.MOVE_PX else 0.0
+    if is_taken(claim, y, x, d):
+        return None
+    return slow_difference(views, y, x, (d, along, across)) / AMPLITUDE, d, float(np.sqrt(variance))
+
+
+def slow_round(views: tuple[Float32, Float32], images: Array, trust: Mask, todo: Mask) -> Array:
+    """One round of the assignment on (4, H, W) images of a match."""
+    disparity, result = images[0], images.copy()
+    claim = slow_claims(disparity, trust)
+    allowed = 2 * NOISE / AMPLITUDE + Settings().max_border_misfit
+    for y, x in np.argwhere(todo & ~trust):
+        offers = [slow_offer(views, disparity, claim, y, x, *at) for at in slow_neighbours(trust, y, x)]
+        good = [offer for offer in offers if offer is not None and np.isfinite(offer[0])]
+        if not good:
+            continue
+        best, chosen, sigma = min(good, key=lambda offer: offer[0])
+        own, here = np.inf, float(disparity[y, x])
+        if np.isfinite(here) and not is_taken(claim, y, x, here):
+            own = slow_difference(views, y, x, (here, 0.0, 0.0)) / AMPLITUDE
+        if best < allowed and best < own - border.BETTER_SHARE:
+            result[:, y, x] = chosen, sigma, np.nan, best
+        elif own > allowed:
+            result[0, y, x] = np.nan
+    return result
+
+
+def slow_extend(views: tuple[Float32, Float32], match: Match) -> Array:
+    """Both rounds on the (4, H, W) images of a match."""
+    images = np.stack([match.disparity_px, match.sigma_px, match.signed_mismatch_rad, match.mismatch_rad])
+    trust = fresh = slow_trusted(images[0])
+    for _ in range(border.ROUNDS):
+        height, width = fresh.shape
+        reach = border.REACH_PX
+        todo = np.array([[fresh[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1].any()
+                          for x in range(width)] for y in range(height)])  # fmt: skip
+        images = slow_round(views, images, trust, todo)
+        before, trust = trust, slow_trusted(images[0])
+        fresh = trust & ~before
+    return images
