@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE, fast_atan2, wrap
-from moire_sensor.phase_fit import FAST
+from moire_sensor.angles import FAST, NAN_SAFE, fast_atan2, wrap
 from moire_sensor.phase_windows import DARK, FULL, NAN, OK, SATURATED, TINY
 from moire_sensor.shot import Status
 

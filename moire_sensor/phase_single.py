@@ -11,18 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from moire_sensor.angles import FAST
 from moire_sensor.phase_carrier import Carrier, Float32
-from moire_sensor.phase_fit import (
-    FAST,
-    VARIANCE,
-    CarrierRows,
-    empty_planes,
-    fit_next,
-    fit_work,
-    slope_down,
-    start_columns,
-)
+from moire_sensor.phase_fit import CarrierRows, empty_planes, fit_next, fit_work, start_columns
 from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_planes import VARIANCE, slope_down
 from moire_sensor.phase_windows import Choice, pick_row
 from moire_sensor.settings import Settings
 

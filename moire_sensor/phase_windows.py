@@ -8,17 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.angles import NAN_SAFE, wrap
-from moire_sensor.phase_fit import (
-    ALONG,
-    AMPLITUDE,
-    BACKGROUND,
-    CARRIED,
-    DOWN,
-    FAST,
-    UNUSABLE,
-    VARIANCE,
-)
+from moire_sensor.angles import FAST, NAN_SAFE, wrap
+from moire_sensor.phase_planes import ALONG, AMPLITUDE, BACKGROUND, CARRIED, DOWN, UNUSABLE, VARIANCE
 from moire_sensor.shot import Status
 
 # A shifted window is taken only when it fits clearly better: the variance of a fit over 85 samples scatters by 16 %.

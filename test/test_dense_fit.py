@@ -10,7 +10,9 @@ from dense_rigs import SMALL, Array, Float32, outside_rig, small_carriers, small
 
 from moire_sensor.paper_rig import paper_pattern
 from moire_sensor.phase_carrier import Carrier
-from moire_sensor.phase_fit import (
+from moire_sensor.phase_fit import empty_planes, fit_next, fit_work, start_columns
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_planes import (
     ALONG,
     AMPLITUDE,
     BACKGROUND,
@@ -19,14 +21,8 @@ from moire_sensor.phase_fit import (
     OFFSET,
     UNUSABLE,
     VARIANCE,
-    empty_planes,
-    fit_next,
-    fit_work,
     slope_down,
-    start_columns,
-    sum_windows,
 )
-from moire_sensor.phase_image import PhaseImage
 from moire_sensor.phase_single import (
     BAND_ROWS,
     SAMPLED_COLUMNS,
@@ -35,6 +31,7 @@ from moire_sensor.phase_single import (
     choice_of,
     phase_from_single,
 )
+from moire_sensor.phase_sums import sum_windows
 from moire_sensor.phase_table import ripple_factor
 from moire_sensor.phase_windows import SHIFT_PENALTY, pick_row
 from moire_sensor.projector_map import ProjectorMap

@@ -1,0 +1,122 @@
+"""Planes of fits, and what the fits of neighbouring windows tell: slopes, and offsets without ripple and curvature."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from moire_sensor.angles import FAST, wrap
+from moire_sensor.phase_sums import MIDDLE, ONE, ZERO
+
+UNUSABLE = np.float32(1e30)
+# Squared second differences below this many variances of a fit are noise: 6 for independent fits, twice that, twice.
+NOISE_SHARE = np.float32(32.0)
+TWO = np.float32(2.0)
+# Planes of the fits: offset of the window's centre, the same without ripple and curvature, mean, amplitude, variance of
+# the residual, slope of the offset along the row and down the column.
+OFFSET, CARRIED, BACKGROUND, AMPLITUDE, VARIANCE, ALONG, DOWN, PLANES = range(8)
+
+
+@njit(**FAST)
+def finish_row(constants, half_width, samples, fits, planes, y, start):  # type: ignore[no-untyped-def]
+    """Mean, amplitude, slope along the row, and the offset without ripple and curvature, into the planes."""
+    mean, real, imaginary, bend, bias = fits[0], fits[1], fits[2], fits[3], fits[4]
+    end = start + mean.size
+    background, amplitude = planes[BACKGROUND, y][start:end], planes[AMPLITUDE, y][start:end]
+    for x in range(mean.size):
+        background[x] = mean[x] + MIDDLE
+    shapes(real, imaginary, constants[10], amplitude, bend)
+    offset, variance, along = planes[OFFSET, y], planes[VARIANCE, y], planes[ALONG, y][start:end]
+    row_slopes(offset, variance, start, (half_width + 1) // 2, along)
+    limit, smooth, offset = constants[11], mean, offset[start:end]
+    for x in range(along.size):
+        along[x] = min(max(along[x], -limit[x]), limit[x])
+    for x in range(along.size):
+        smooth[x] = offset[x] + along[x] * bend[x]
+    size = 2 * half_width + 1
+    share = np.float32((size * size - 1) / (24.0 * half_width * half_width))
+    row_bias(smooth, variance[start:end], half_width, share, bias)
+    noise_share = NOISE_SHARE * share * share / np.float32(samples)
+    without_bias(smooth, bias, variance[start:end], amplitude, noise_share, planes[CARRIED, y][start:end])
+
+
+@njit(**FAST)
+def shapes(real, imaginary, ripple, amplitude, bend):  # type: ignore[no-untyped-def]
+    """Amplitude, and the phase that one radian per pixel of slope adds: -ripple sin(2 phase) = ripple 2 C D / b^2."""
+    for x in range(bend.size):
+        square = real[x] * real[x] + imaginary[x] * imaginary[x]
+        amplitude[x] = np.sqrt(square)
+        bend[x] = ripple[x] * TWO * real[x] * imaginary[x] / max(square, np.float32(1e-9))
+
+
+@njit(**FAST)
+def row_slopes(offset, variance, start, quarter, along):  # type: ignore[no-untyped-def]
+    """Slope of the offset along a padded row, over half a period, where the ripple of a detuned fit cancels."""
+    far, near = start - 2 * quarter, start - quarter
+    after, farther = start + quarter, start + 2 * quarter
+    slopes(
+        offset[far:], offset[near:], offset[start:], offset[after:], offset[farther:],
+        variance[far:], variance[near:], variance[start:], variance[after:], variance[farther:],
+        np.float32(0.5 / quarter), along,
+    )  # fmt: skip
+
+
+@njit(**FAST)
+def slope_down(planes, y, step):  # type: ignore[no-untyped-def]
+    """Fill row y of the plane DOWN, derivative of the offset along y, from windows one and two steps away."""
+    offset, variance, rows = planes[OFFSET], planes[VARIANCE], planes.shape[1]
+    far, near, here = (y - 2 * step) % rows, (y - step) % rows, y % rows
+    after, farther = (y + step) % rows, (y + 2 * step) % rows
+    slopes(
+        offset[far], offset[near], offset[here], offset[after], offset[farther],
+        variance[far], variance[near], variance[here], variance[after], variance[farther],
+        np.float32(0.5 / step), planes[DOWN, here],
+    )  # fmt: skip
+
+
+@njit(**FAST)
+def slopes(before2, before, here, after, after2, var_b2, var_b, var_h, var_a, var_a2, per_px, slope):  # type: ignore[no-untyped-def]
+    """Phase per pixel from the pair of windows whose worse fit is best, around, before or after; 0 if none fits."""
+    for x in range(slope.size):
+        far, near, middle, next_, farther = before2[x], before[x], here[x], after[x], after2[x]
+        centred = max(var_b[x], var_a[x])
+        left = np.float32(1.5) * max(var_b2[x], var_h[x])
+        right = np.float32(1.5) * max(var_h[x], var_a2[x])
+        best = min(centred, min(left, right))
+        first, last = (far, middle) if left <= right else (middle, farther)
+        first, last = (near, next_) if best == centred else (first, last)
+        along = wrap(last - first) * per_px
+        slope[x] = along if best <= np.float32(4.0) * var_h[x] + np.float32(4.0) else ZERO
+
+
+@njit(**FAST)
+def row_bias(smooth, variance, half_width, share, bias):  # type: ignore[no-untyped-def]
+    """Bias that curvature gives a mean over the window, 0 where it cannot be told.
+
+    A phase with second derivative k reads k <t^2> / 2 too high. The second difference of three fits half a window
+    apart tells k, where all three fit equally well.
+    """
+    bias[:half_width] = ZERO
+    bias[bias.size - half_width :] = ZERO
+    curvatures(
+        smooth, smooth[half_width:], smooth[2 * half_width :], variance, variance[half_width:],
+        variance[2 * half_width :], share, bias[half_width:],
+    )  # fmt: skip
+
+
+@njit(**FAST)
+def curvatures(before, here, after, var_b, var_h, var_a, share, bias):  # type: ignore[no-untyped-def]
+    """Share of the second difference, 0 where the outer windows fit worse."""
+    for x in range(after.size):
+        second = wrap(after[x] - here[x]) - wrap(here[x] - before[x])
+        worst = max(var_b[x], var_a[x])
+        bias[x] = share * second if worst <= np.float32(4.0) * var_h[x] + np.float32(4.0) else ZERO
+
+
+@njit(**FAST)
+def without_bias(smooth, bias, variance, amplitude, noise_share, carried):  # type: ignore[no-untyped-def]
+    """Offset less the part of the bias that noise alone would not give."""
+    for x in range(bias.size):
+        noise = noise_share * variance[x] / (amplitude[x] * amplitude[x] + ONE)
+        power = bias[x] * bias[x]
+        carried[x] = smooth[x] - bias[x] * max(power - noise, ZERO) / max(power, np.float32(1e-12))
