@@ -8,13 +8,15 @@ import struct
 import sys
 from pathlib import Path
 
+import lz4.frame
 import pytest
 import yaml
 from bag_runs import copy_bag, first_sets
-from rosbags.rosbag2 import Reader
+from rosbags.rosbag2 import CompressionMode, Reader
+from rosbags.rosbag2.storage_mcap import McapWriter
 
 from moire_sensor.errors import CaptureError
-from moire_sensor.ros.bag_mcap import CHUNK, RECORD_HEADER
+from moire_sensor.ros.bag_mcap import CHUNK, DATA_END, FOOTER, RECORD_HEADER, chunk_content
 from moire_sensor.ros.bag_message import BagMessage
 from moire_sensor.ros.bag_metadata import ROOT
 from moire_sensor.ros.bag_reader import Bag, read_messages
@@ -245,3 +247,43 @@ def test_read_messages_demands_a_whole_bag(two_sets: Path, tmp_path: Path) -> No
         stream.truncate(700_000)
     with pytest.raises(CaptureError, match="is damaged"):
         list(read_messages(bag))
+
+
+def test_lz4_chunks_are_read(two_sets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """rosbags writes none; other recorders do."""
+
+    def with_lz4(self: McapWriter, path: Path, compression: CompressionMode) -> None:
+        original(self, path, compression)
+        self.compression, self.compressor = "lz4", lz4.frame.compress
+
+    original = McapWriter.__init__
+    monkeypatch.setattr(McapWriter, "__init__", with_lz4)
+    bag = copy_bag(two_sets, tmp_path / "bag")
+    assert storage_file(bag).read_bytes().count(b"\3\0\0\0lz4") >= 2
+    assert read(bag) == (oracle(two_sets), [])
+
+
+def test_messages_outside_of_chunks_are_read(two_sets: Path, tmp_path: Path) -> None:
+    """As ``ros2 bag record --storage-preset-profile fastwrite`` writes them, here without any index."""
+    data = storage_file(two_sets).read_bytes()
+    kept = bytearray(data[:8])
+    offset = 8
+    while offset < len(data) - 8:
+        kind, length = RECORD_HEADER.unpack_from(data, offset)
+        end = offset + RECORD_HEADER.size + length
+        if kind == 1:
+            kept += data[offset:end]
+        elif kind == CHUNK:
+            kept += chunk_content(data[offset + RECORD_HEADER.size : end], cut=False)
+        offset = end
+    for kind, content in ((DATA_END, bytes(4)), (FOOTER, bytes(20))):
+        kept += RECORD_HEADER.pack(kind, len(content)) + content
+    file = tmp_path / "bag.mcap"
+    file.write_bytes(kept + data[:8])
+    assert read(file) == (oracle(two_sets), [])
+    with file.open("r+b") as stream:
+        stream.truncate(len(kept) // 2)
+    content, damages = read(file)
+    assert content == oracle(two_sets)[: len(content)]
+    assert len(content) >= 5
+    assert len(damages) == 1
