@@ -22,6 +22,8 @@ BAD = {
         ("-p", "min_depth_m:=1.5", "-p", "max_depth_m:=1.0"): "the nearest must be the smaller",
         ("-p", "queue_depth:=many"): "a whole number from 1 to 1000",
         ("-p", "qos_overrides./head/left/image.subscription.depth:=3"): "qos_overrides./head/left/image_raw",
+        ("-p", "qos_overrides./head/left/image_raw.subscription.reliability:=perhaps"): "reliable, best_effort",
+        ("-p", "qos_overrides./head/points.publisher.depth:=-3"): "a whole number from 1 to 10000",
         ("-p", "half_height_px:=99"): "a whole number from",
         ("--params-file", "nowhere.yaml"): "nowhere.yaml",
     },
@@ -31,6 +33,7 @@ BAD = {
         ("-p", "rate_hz:=-1"): "a number from 0",
         ("-p", "waveform:=saw"): "allowed are sine, square",
         ("-p", "bits:=12"): "allowed are 8 and 16",
+        ("-p", "qos_overrides./head/left/image_raw.publisher.history:=3"): "keep_last, keep_all",
         ("-p", "pan_rad:=3.0"): "head_pan_joint",
     },
     "capture_player": {
@@ -81,18 +84,36 @@ def test_a_signal_ends_a_ready_node_with_0_and_no_traceback(name: str, number: s
         assert any("ready" in line for line in process.stdout), "the node ended before it was ready"
 
 
+def change(asker: Listener, transition: int) -> bool:
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return bool(asker.call(ChangeState, "reconstruction/change_state", request).success)
+
+
+def state(asker: Listener) -> int:
+    return int(asker.call(GetState, "reconstruction/get_state", GetState.Request()).current_state.id)
+
+
 def test_a_managed_node_says_in_its_log_why_it_cannot_be_activated() -> None:
     process = running("reconstruction", "autostart:=false", "qos_overrides./head/nowhere.subscription.depth:=3")
     with process as child, ros_node("asker") as node:
         asker = Listener(node)
-
-        def change(transition: int) -> bool:
-            request = ChangeState.Request(transition=Transition(id=transition))
-            return bool(asker.call(ChangeState, "reconstruction/change_state", request).success)
-
-        assert change(Transition.TRANSITION_CONFIGURE)
-        assert not change(Transition.TRANSITION_ACTIVATE)
-        answer = asker.call(GetState, "reconstruction/get_state", GetState.Request())
-        assert answer.current_state.id == State.PRIMARY_STATE_INACTIVE
+        assert change(asker, Transition.TRANSITION_CONFIGURE)
+        assert not change(asker, Transition.TRANSITION_ACTIVATE)
+        assert state(asker) == State.PRIMARY_STATE_INACTIVE
         assert child.stdout is not None
         assert any("activate failed: unknown parameter qos_overrides" in line for line in child.stdout)
+
+
+def test_a_node_that_started_by_itself_stays_as_it_was_put_afterwards() -> None:
+    """Asked often enough for the timer that starts it to have come again."""
+    with running("reconstruction") as process, ros_node("asker") as node:
+        asker = Listener(node)
+        assert process.stdout is not None
+        assert any("ready" in line for line in process.stdout)
+        assert state(asker) == State.PRIMARY_STATE_ACTIVE
+        assert change(asker, Transition.TRANSITION_DEACTIVATE)
+        assert {state(asker) for _ in range(10)} == {State.PRIMARY_STATE_INACTIVE}
+        assert change(asker, Transition.TRANSITION_CLEANUP)
+        assert {state(asker) for _ in range(10)} == {State.PRIMARY_STATE_UNCONFIGURED}
+        assert change(asker, Transition.TRANSITION_CONFIGURE)
+        assert change(asker, Transition.TRANSITION_ACTIVATE)

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 from types import FrameType
 from typing import Any
@@ -71,15 +72,15 @@ def run_node(make_node: Callable[[], Any], usage: str) -> int:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         code = 1
     except RCLError as error:
-        # The middleware refuses to make the node, for example where security is asked for and there is no key.
-        if node is not None:
-            raise
-        print(f"error: the node cannot be made: {' '.join(str(error).split())}", file=sys.stderr)
+        # The middleware refuses, for example where security is asked for and there is no key.
+        print(f"error: the middleware refuses: {' '.join(str(error).split())}", file=sys.stderr)
         code = 1
     except Exception:
         # The signal's exception may have struck inside a library that turned it into its own.
         if not (stop.asked and node is None):
-            raise
+            # Not raised again: the interpreter cannot end in peace while a thread still compiles.
+            traceback.print_exc()
+            code = 1
     finally:
         stop.raises = False
         if node is not None:

@@ -9,7 +9,8 @@ from typing import Any
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from moire_sensor.errors import MoireError, SettingsError
+from moire_sensor.errors import SettingsError
+from moire_sensor.ros.executable import USER_ERRORS
 
 START_PERIOD_S = 0.05
 SUCCESS, FAILURE, ERROR = (
@@ -25,12 +26,12 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
     """A lifecycle node made of four steps: ``set_up``, ``begin``, ``pause`` and ``release``.
 
     rclpy leaves two things to its users: an exception in a transition vanishes without a word, and a request for a
-    transition that the present state does not have ends the process. Here a MoireError fails the transition with its
-    text in the log, any other exception with its traceback, and a request out of place is refused.
+    transition that the present state does not have ends the process. Here an error of the user fails the transition
+    with its text in the log, any other exception with its traceback, and a request out of place is refused.
 
     Attributes
     ----------
-    failure : the error that failed the last transition, or None.
+    failure : the last error that failed a transition, or None.
     stop_asked : set by the executable; a step that waits looks at it and gives up.
     """
 
@@ -58,7 +59,11 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         return True
 
     def start_by_itself(self) -> None:
-        """Configure at once, activate when ready; an error of the user ends the executable."""
+        """Configure at once, activate when ready; an error of the user ends the executable.
+
+        A transition that someone else asks for meanwhile ends this.
+        """
+        self._start_from = "unconfigured"
         self._start = self.create_timer(START_PERIOD_S, self._start_step)
 
     @property
@@ -101,14 +106,17 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         return self._end("error processing", state)
 
     def _start_step(self) -> None:
-        if self.state_label == "unconfigured":
+        if self.state_label != self._start_from:
+            # Someone else asked for a transition meanwhile, and from then on decides.
+            self._start.cancel()
+            return
+        if self._start_from == "unconfigured":
+            self._start_from = "inactive"
             done = self.trigger_configure()
-        elif self.state_label == "inactive":
-            if not self.is_ready():
-                return
+        elif self.is_ready():
+            self._start.cancel()
             done = self.trigger_activate()
         else:
-            self._start.cancel()
             return
         if done != SUCCESS:
             raise self.failure or SettingsError("the node cannot start; see the log")
@@ -122,10 +130,9 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         return self._run(name, steps)
 
     def _run(self, name: str, step: Step) -> TransitionCallbackReturn:
-        self.failure = None
         try:
             step()
-        except MoireError as error:
+        except USER_ERRORS as error:
             self.failure = error
             self.get_logger().error(f"{name} failed: {error}")
             return FAILURE

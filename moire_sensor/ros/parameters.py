@@ -16,6 +16,13 @@ from moire_sensor.errors import SettingsError
 
 Value = bool | int | float | str
 QOS_PREFIX = "qos_overrides."
+# rclpy itself answers another value with a traceback, or the middleware with its own words.
+QOS_VALUES = {
+    "history": ("keep_last", "keep_all", "system_default"),
+    "reliability": ("reliable", "best_effort", "best_available", "system_default"),
+    "durability": ("volatile", "transient_local", "best_available", "system_default"),
+}
+MAX_QOS_DEPTH = 10_000
 
 
 @dataclass(frozen=True)
@@ -96,8 +103,11 @@ def declare(node: Any, specs: Sequence[ParameterSpec]) -> dict[str, Any]:
 def refuse_unknown(node: Any, qos: bool = False) -> None:
     """Raise SettingsError if a value was given for a parameter that the node does not have.
 
-    ``qos`` looks at the names of qos_overrides alone, which are known once the node's topics are.
+    ``qos`` looks at the names of qos_overrides alone, which are known once the node's topics are; their values are
+    checked without it, before a topic is made with them.
     """
+    if not qos:
+        check_qos_values(node)
     for name in node._parameter_overrides:
         if not node.has_parameter(name) and name.startswith(QOS_PREFIX) == qos:
             known = [known for known in node._parameters if known.startswith(QOS_PREFIX) == qos]
@@ -105,6 +115,18 @@ def refuse_unknown(node: Any, qos: bool = False) -> None:
             hint = f"did you mean {near[0]}? " if near else ""
             names = f"{QOS_PREFIX}TOPIC.publisher (or subscription).POLICY" if qos else ", ".join(sorted(known))
             raise SettingsError(f"unknown parameter {name}; {hint}the parameters are {names}")
+
+
+def check_qos_values(node: Any) -> None:
+    """Raise SettingsError for a value of a qos_overrides parameter that the middleware cannot take."""
+    for name, parameter in node._parameter_overrides.items():
+        policy, value = name.rpartition(".")[2], parameter.value
+        if not name.startswith(QOS_PREFIX):
+            continue
+        if policy in QOS_VALUES and value not in QOS_VALUES[policy]:
+            raise SettingsError(f"parameter {name} is {value!r}; allowed are {', '.join(QOS_VALUES[policy])}")
+        if policy == "depth" and not (type(value) is int and 1 <= value <= MAX_QOS_DEPTH):
+            raise SettingsError(f"parameter {name} is {value!r}; it must be a whole number from 1 to {MAX_QOS_DEPTH}")
 
 
 def changed_values(
