@@ -22,9 +22,13 @@ from moire_sensor.settings import Settings
 # Trusted pixels have no jump and no hole within so many pixels.
 RIM_PX = 3
 JUMP_PX = np.float32(1.0)
-# How far a plane is carried along the row and along the column, pixels.
-ROW_REACH_PX, COLUMN_REACH_PX = 48, 14
+# What the first round gives to a surface lets the second trust its neighbours.
+ROUNDS = 2
+# Only pixels so near to a trusted one are looked at; along the row a plane is carried further, across a shadow.
+REACH_PX, ROW_REACH_PX = 14, 48
 SAME_SURFACE_PX = np.float32(1.5)
+# A small window counts from so many of its fifteen pixels on.
+LEAST_SEEN = 8
 NO_CLAIM = np.float32(-1e9)
 # The row beside the pixel must carry fringes of this share of the power of the plane's own.
 LEAST_POWER = np.float32(0.2)
@@ -56,12 +60,24 @@ def extend(
         levels in fringe amplitudes; their signed mismatch is NaN.
     """
     trust = trusted(match.disparity_px)
-    result = np.stack([match.disparity_px, match.sigma_px, match.signed_mismatch_rad, match.mismatch_rad])
-    assign(
-        match.disparity_px, trust, claims(match.disparity_px, trust), *greys, phase.background, phase.amplitude,
-        projector.packed(), np.float32(settings.image_noise), np.float32(settings.max_border_misfit), result,
-    )  # fmt: skip
-    return Match(*result)
+    fresh = trust
+    for _ in range(ROUNDS):
+        result = Match(*(image.copy() for image in match.images()))
+        assign(
+            match.disparity_px, trust, near(fresh), claims(match.disparity_px, trust), *greys, phase.background,
+            phase.amplitude, projector.packed(), np.float32(settings.image_noise),
+            np.float32(settings.max_border_misfit), *result.images(),
+        )  # fmt: skip
+        match, before = result, trust
+        trust = trusted(match.disparity_px)
+        fresh = trust & ~before
+    return match
+
+
+def near(trust: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Pixels (H, W) within ``REACH_PX`` of a trusted one in both directions."""
+    reach = np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), dtype=np.uint8)
+    return np.asarray(cv2.dilate(trust.view(np.uint8), reach)).view(np.bool_)
 
 
 def trusted(disparity_px: Float32) -> npt.NDArray[np.bool_]:
@@ -120,23 +136,31 @@ def taken(claim, y, x, disparity):  # type: ignore[no-untyped-def]
 def small_difference(left, right, y, x, disparity, along, across, largest):  # type: ignore[no-untyped-def]
     """Lowest mean difference of three windows of 5 columns and 3 rows that hold the pixel, on a plane."""
     height, width = left.shape
-    best = np.float32(np.inf)
-    for first in (-2, -4, 0):
+    before, middle, after = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    seen_before, seen_middle, seen_after = 0, 0, 0
+    for aside in range(max(-4, -x), min(4, width - 1 - x) + 1):
         total, count = np.float32(0.0), 0
         for down in range(-min(1, y), min(1, height - 1 - y) + 1):
-            start = disparity + across * np.float32(down)
-            for aside in range(max(first, -x), min(first + 4, width - 1 - x) + 1):
-                column = np.float32(x + aside) - (start + along * np.float32(aside))
-                if column < np.float32(0.0) or column >= np.float32(width - 1):
-                    continue
+            column = np.float32(x + aside) - (disparity + across * np.float32(down) + along * np.float32(aside))
+            if np.float32(0.0) <= column < np.float32(width - 1):
                 base = int(column)
                 seen = right[y + down, base]
                 seen += (column - np.float32(base)) * (right[y + down, base + 1] - seen)
                 total += min(abs(left[y + down, x + aside] - seen), largest)
                 count += 1
-        if count >= 8:
-            best = min(best, total / np.float32(count))
-    return best
+        if aside <= 0:
+            before += total
+            seen_before += count
+        if abs(aside) <= 2:
+            middle += total
+            seen_middle += count
+        if aside >= 0:
+            after += total
+            seen_after += count
+    best = before / np.float32(seen_before) if seen_before >= LEAST_SEEN else np.float32(np.inf)
+    if seen_middle >= LEAST_SEEN:
+        best = min(best, middle / np.float32(seen_middle))
+    return min(best, after / np.float32(seen_after)) if seen_after >= LEAST_SEEN else best
 
 
 @njit(inline="always", fastmath=False)
@@ -189,7 +213,7 @@ def nearest_in_row(trust, before, after):  # type: ignore[no-untyped-def]
 @njit(inline="always", fastmath=False)
 def nearest_in_column(trust, y, x, down):  # type: ignore[no-untyped-def]
     """Row of the nearest trusted pixel above (down = -1) or below, -1 where there is none in reach."""
-    for away in range(1, COLUMN_REACH_PX + 1):
+    for away in range(1, REACH_PX + 1):
         at = y + down * away
         if at < 0 or at >= trust.shape[0]:
             return -1
@@ -204,6 +228,10 @@ def fits(offer, y, x, y0, x0, left, right, background, amplitude, map_, claim, n
     disparity, along, across = offer
     refused = np.float32(np.inf)
     bright = amplitude[y0, x0]
+    phase, _ = phase_of_disparity(map_, x, y, disparity)
+    lacks = background[y0, x0] + bright * np.float32(np.cos(phase)) - left[y, x]
+    if lacks > DIM_SHARE * bright + np.float32(3.0) * noise or -lacks > GLARE_SHARE * bright + np.float32(3.0) * noise:
+        return disparity, refused, refused
     aside = ROW_SPAN_PX if x0 > x else ROW_SPAN_PX // 2 if x0 == x else 0
     first = x + aside - ROW_SPAN_PX
     shift, power, variance = row_match(left, right, y, x, disparity, along, first, first + ROW_SPAN_PX)
@@ -213,11 +241,6 @@ def fits(offer, y, x, y0, x0, left, right, background, amplitude, map_, claim, n
     if abs(shift) > MOVE_PX:
         disparity += shift
     if taken(claim, y, x, disparity):
-        return disparity, refused, variance
-    phase, _ = phase_of_disparity(map_, x, y, disparity)
-    promised = background[y0, x0] + bright * np.float32(np.cos(phase))
-    lacks = promised - left[y, x]
-    if lacks > DIM_SHARE * bright + np.float32(3.0) * noise or -lacks > GLARE_SHARE * bright + np.float32(3.0) * noise:
         return disparity, refused, variance
     return disparity, small_difference(left, right, y, x, disparity, along, across, bright) / bright, variance
 
@@ -259,16 +282,17 @@ def best_offer(  # type: ignore[no-untyped-def]
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def assign(  # type: ignore[no-untyped-def]
-    disparity, trust, claim, left, right, background, amplitude, map_, noise, misfit, result
+    disparity, trust, todo, claim, left, right, background, amplitude, map_, noise, misfit,
+    new_disparity, new_sigma, new_signed, new_mismatch,
 ):
-    """Set ``result`` (4, H, W; as Match) where a pixel that is not trusted changes its surface or loses it."""
+    """Write the new images (H, W; as Match) where a pixel to do that is not trusted changes or loses its surface."""
     height, width = disparity.shape
     for row in prange(height):
         y = np.int64(row)
         before, after = np.empty(width, dtype=np.int64), np.empty(width, dtype=np.int64)
         nearest_in_row(trust[y], before, after)
         for x in range(width):
-            if trust[y, x]:
+            if trust[y, x] or not todo[y, x]:
                 continue
             best, chosen, variance, bright = best_offer(
                 disparity, trust, y, x, before, after, left, right, background, amplitude, map_, claim, noise
@@ -280,7 +304,7 @@ def assign(  # type: ignore[no-untyped-def]
             if not np.isnan(here) and not taken(claim, y, x, here):
                 own = small_difference(left, right, y, x, here, np.float32(0.0), np.float32(0.0), bright) / bright
             if best < allowed and best < own - BETTER_SHARE:
-                result[0, y, x], result[1, y, x] = chosen, np.sqrt(variance)
-                result[2, y, x], result[3, y, x] = np.float32(np.nan), best
+                new_disparity[y, x], new_sigma[y, x] = chosen, np.sqrt(variance)
+                new_signed[y, x], new_mismatch[y, x] = np.float32(np.nan), best
             elif own > allowed:
-                result[0, y, x] = np.float32(np.nan)
+                new_disparity[y, x] = np.float32(np.nan)

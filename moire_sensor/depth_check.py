@@ -8,7 +8,6 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.angles import NAN_SAFE
-from moire_sensor.depth_refine import Match
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.right_view import REACH_PX, difference
 
@@ -16,11 +15,6 @@ SAME_SURFACE_PX = 1.0
 MISMATCH_WEIGHT = np.float32(0.5)
 SPECKLE_STEPS_PER_PX = 8
 NO_STEP = np.int16(-32768)
-
-
-def drop_misfits(match: Match, max_mismatch_rad: float) -> None:
-    """Set in place to NaN the disparities whose phases disagree too much."""
-    match.disparity_px[~(match.mismatch_rad <= max_mismatch_rad)] = np.nan
 
 
 def is_unique(

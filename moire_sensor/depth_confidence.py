@@ -18,7 +18,7 @@ from moire_sensor.phase_carrier import Float32
 
 # Constant, log mismatch, order margin, share of unknown neighbours, log disparity spread, sigma. The constant is moved
 # by 2.3 so that 0.9 lies where the calibration above was read.
-WEIGHTS = tuple(np.float32(weight) for weight in (-2.119, 0.361, -0.670, 2.799, 1.870, 16.755))
+WEIGHTS = tuple(np.float32(weight) for weight in (-0.828, 0.856, -0.358, 6.174, 1.459, 3.252))
 LARGEST_MARGIN = np.float32(4.0)
 LARGEST_MISMATCH_RAD = np.float32(3.0)
 KNOWN_WINDOW_PX = 11

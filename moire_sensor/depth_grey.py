@@ -25,7 +25,11 @@ LARGEST_STEP_PX = np.float32(0.5)
 FOREIGN_SHARE = np.float32(0.35)
 # What a window needs to measure: squared slopes that place it to a tenth of a pixel.
 SURE_PX = 0.1
-SAMPLE_PX = 3
+SAMPLE_PX = 7
+# Standard deviation by mean magnitude, of a normal distribution.
+SIGMA_OF_MEAN = float(np.sqrt(np.pi / 2.0))
+# What the disparities of the former round add, averaged along the surface: 1.23 to 1.42 on the analytic scenes.
+ROUNDS_SIGMA = 1.3
 # Windows, columns and rows, in which two views may not look different: phase steps resolve single rows.
 MISFIT_WINDOW, ROW_WINDOW = (5, 3), (5, 1)
 
@@ -70,14 +74,23 @@ def match_greys(
     noise = np.float32(settings.image_noise)
     enough = np.float32((settings.image_noise / SURE_PX) ** 2)
     window = (2 * half_width + 1, 2 * settings.half_height_grey_px + 1)
-    disparity, sigma = match.disparity_px, np.empty_like(amplitude)
+    disparity = match.disparity_px
     power, met, apart = (np.empty_like(amplitude) for _ in range(3))
     for _ in range(ROUNDS):
         disparity = along_surface(disparity, half_width, settings.half_height_grey_px)
         compare(*greys, disparity, amplitude, noise, power, met, apart)
-        move(disparity, box_sum(power, window), box_sum(met, window), enough, noise, disparity, sigma)
+        power_sum = box_sum(power, window)
+        move(disparity, power_sum, box_sum(met, window), enough, disparity)
+    sigma = sigma_of(apart, power_sum, window, float(enough))
     drop_foreign(disparity, least_difference(apart, MISFIT_WINDOW), amplitude, settings)
     return Match(disparity, sigma, match.signed_mismatch_rad, match.mismatch_rad)
+
+
+def sigma_of(apart: Float32, power_sum: Float32, window: tuple[int, int], enough: float) -> Float32:
+    """Predicted standard deviation (H, W) of a disparity, pixels, from what the window leaves unexplained."""
+    known = box_sum((apart > 0.0).astype(np.float32), window)
+    noise = np.float32(SIGMA_OF_MEAN) * box_sum(apart, window) / np.maximum(known, np.float32(1.0))
+    return np.asarray(np.float32(ROUNDS_SIGMA) * noise / np.sqrt(np.maximum(power_sum, np.float32(enough))))
 
 
 def check_greys(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, settings: Settings) -> None:
@@ -138,14 +151,11 @@ def compare(left, right, disparity, amplitude, noise, power, met, apart):  # typ
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def move(disparity, power, met, enough, noise, moved, sigma):  # type: ignore[no-untyped-def]
-    """Fill ``moved`` (may be ``disparity``) with what removes the window's difference, and its ``sigma`` (H, W)."""
+def move(disparity, power, met, enough, moved):  # type: ignore[no-untyped-def]
+    """Fill ``moved`` (H, W; may be ``disparity``) with the disparity that removes the difference of the window."""
     height, width = disparity.shape
     for y in prange(height):
         for x in range(width):
-            strong = power[y, x] > enough
             step = met[y, x] / max(power[y, x], enough)
             step = min(max(step, -LARGEST_STEP_PX), LARGEST_STEP_PX)
-            moved[y, x] = disparity[y, x] + (step if strong else np.float32(0.0))
-            # Both images have noise.
-            sigma[y, x] = noise * np.sqrt(np.float32(2.0) / max(power[y, x], enough))
+            moved[y, x] = disparity[y, x] + (step if power[y, x] > enough else np.float32(0.0))

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.depth_border import extend
-from moire_sensor.depth_check import drop_misfits, drop_slivers, is_unique, without_specks
+from moire_sensor.depth_check import drop_slivers, is_unique, without_specks
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
@@ -26,8 +26,6 @@ from moire_sensor.shot import Shot, Status
 # Mismatch that shading, or motion between the steps, can put between the two phases of one point.
 SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
 RANGE_MARGIN = 0.02
-# What the first round gives to a surface lets the second trust its neighbours.
-BORDER_ROUNDS = 2
 # Runs of phase steps shorter than this are accidents; a single shot cannot measure less than a quarter of a period.
 SLIVER_STEPS_PX = 3
 # Where the projector measures, the alignment of the pair matters less: the real hand has patches 0.22 rad off.
@@ -88,24 +86,30 @@ class PhasePipeline:
     def _depth(self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], single: bool) -> Shot:
         """Choose the orders, let those that are refused give way to the next best, measure, and mend the borders."""
         label, margin = self._solver.solve(phases, greys, SHADING_SINGLE_RAD if single else SHADING_STEPS_RAD)
-        first = self._refine(label, phases, single)
-        greys = (greys[0], right_as_left(greys[1], first.disparity_px, phases))
-        refused = (label >= 0) & ~self._unique(first, phases, greys)
-        second = self._refine(self._solver.second(refused), phases, single)
-        match = self._by_greys(merged(first, second, refused), phases[0], greys, single)
+        match = self._refine(label, phases, single)
+        greys = (greys[0], right_as_left(greys[1], match.disparity_px, phases))
+        refused = (label >= 0) & ~self._unique(match, phases, greys)
+        match.disparity_px[refused] = np.nan
+        match = self._refine(self._solver.second(refused), phases, single, match)
+        match = self._by_greys(match, phases[0], greys, single)
         match.disparity_px[~self._unique(match, phases, greys)] = np.nan
         drop_slivers(match.disparity_px, self._carriers[0].half_width_px // 2 if single else SLIVER_STEPS_PX)
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
-        for _ in range(BORDER_ROUNDS if self._by_stereo else 0):
+        if self._by_stereo:
             match = extend(match, greys, phases[0], self._projector, self.settings)
         return self._shot(phases, match, margin, np.isfinite(match.disparity_px))
 
-    def _refine(self, label: npt.NDArray[np.int8], phases: tuple[PhaseImage, PhaseImage], single: bool) -> Match:
+    def _refine(
+        self,
+        label: npt.NDArray[np.int8],
+        phases: tuple[PhaseImage, PhaseImage],
+        single: bool,
+        match: Match | None = None,
+    ) -> Match:
         """Disparities of the chosen orders from the phases of all views, NaN where the phases disagree."""
-        match = refine(label, phases, self._carriers, self._projector, self._orders, self.settings)
         strict = self._by_stereo and not single
-        drop_misfits(match, self.settings.max_mismatch_steps_rad if strict else self.settings.max_mismatch_rad)
-        return match
+        limit = self.settings.max_mismatch_steps_rad if strict else self.settings.max_mismatch_rad
+        return refine(label, phases, self._carriers, self._projector, self._orders, self.settings, limit, match)
 
     def _by_greys(self, match: Match, phase: PhaseImage, greys: tuple[Float32, Float32], single: bool) -> Match:
         """Disparities of a single shot measured, those of phase steps checked, by the grey levels of both views.
@@ -168,11 +172,3 @@ class PhasePipeline:
             typical_mismatch_rad=typical_rad,
         )
 
-
-def merged(first: Match, second: Match, where_second: npt.NDArray[np.bool_]) -> Match:
-    """Take the second match at the pixels told."""
-    return Match.of(
-        np.where(where_second, second.disparity_px, first.disparity_px),
-        np.where(where_second, second.sigma_px, first.sigma_px),
-        np.where(where_second, second.signed_mismatch_rad, first.signed_mismatch_rad),
-    )
