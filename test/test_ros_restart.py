@@ -14,7 +14,10 @@ from typing import Any
 from ros_head import Exposure, Listener, TestHead, running, stamp_of
 from ros_process import EXIT_TIMEOUT_S, ros_node
 from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Header
 
+from moire_sensor.paper_rig import PROJECTOR_SIZE
+from moire_sensor.ros.camera_messages import camera_infos
 from moire_sim.analytic_scenes import analytic_capture
 
 DEPTH, STATE = "depth/image_rect", "projector/state"
@@ -153,3 +156,23 @@ def test_a_subscriber_that_hangs_does_not_hold_up_the_node() -> None:
                 head.answer(DEPTH, head.send(Exposure.of(CAPTURE)))
             head.wait_for_count("reconstruction", "reconstructed", len(head.received[DEPTH]))
         assert head.count("reconstruction", "superseded") == 0
+
+
+def test_a_head_without_one_camera_info_is_told_which_though_simulated_time_stands_still() -> None:
+    with ros_node("test_head") as node, running(*SENSOR, "use_sim_time:=true"):
+        head = TestHead(node)
+        head.listen(DEPTH, Image)
+        head.wait_for_subscribers()
+        infos = camera_infos(CAPTURE.rig, Header(), PROJECTOR_SIZE)
+        right = infos.pop("right")
+        head.send_infos(infos)
+
+        def named() -> bool:
+            head.publish(head.messages(Exposure.of(CAPTURE)))
+            return head.facts["reconstruction: input"]["message"] == "silent: /head/right/camera_info"
+
+        # Some sets are held, for infos may come late; the others are counted.
+        head.wait(lambda: named() and head.count("reconstruction", "refused: no camera info") > 0, "its name")
+        head.send_infos({"right": right})
+        head.answer(DEPTH, head.send(Exposure.of(CAPTURE)))
+        head.wait(lambda: "silent" not in head.facts["reconstruction: input"]["message"], "it to be over")

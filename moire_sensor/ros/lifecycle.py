@@ -6,6 +6,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
@@ -13,6 +14,8 @@ from moire_sensor.errors import SettingsError
 from moire_sensor.ros.executable import USER_ERRORS
 
 START_PERIOD_S = 0.05
+# For what must go on while simulated time stands still.
+STEADY_CLOCK = Clock(clock_type=ClockType.STEADY_TIME)
 SUCCESS, FAILURE, ERROR = (
     TransitionCallbackReturn.SUCCESS,
     TransitionCallbackReturn.FAILURE,
@@ -64,7 +67,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         A transition that someone else asks for meanwhile ends this.
         """
         self._start_from = "unconfigured"
-        self._start = self.create_timer(START_PERIOD_S, self._start_step)
+        self._start = self.create_timer(START_PERIOD_S, self._start_step, clock=STEADY_CLOCK)
 
     @property
     def state_label(self) -> str:

@@ -17,7 +17,7 @@ from moire_sensor.reconstructor import Reconstructor
 from moire_sensor.ros.diagnostics import DiagnosticsPublisher
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.head_inputs import HeadInputs
-from moire_sensor.ros.lifecycle import ManagedNode
+from moire_sensor.ros.lifecycle import STEADY_CLOCK, ManagedNode
 from moire_sensor.ros.parameters import changed_values, declare, refuse_unknown
 from moire_sensor.ros.qos import destroy_publisher, overridable, publisher_maker, publisher_qos
 from moire_sensor.ros.reconstruction_health import Health
@@ -148,8 +148,8 @@ class ReconstructionNode(ManagedNode):
         for timer in self._timers_of_work:
             self.destroy_timer(timer)
         self._timers_of_work = [
-            self.create_timer(self._values["diagnostics_period_s"], self._diagnose),
-            self.create_timer(WATCH_PERIOD_S, self._watch),
+            self.create_timer(self._values["diagnostics_period_s"], self._diagnose, clock=STEADY_CLOCK),
+            self.create_timer(WATCH_PERIOD_S, self._watch, clock=STEADY_CLOCK),
         ]
 
     def _take(self, matched: MatchedSet[Any], calibration: Calibration | None) -> None:
