@@ -16,11 +16,11 @@ from rosbags.rosbag2 import CompressionMode, Reader
 from rosbags.rosbag2.storage_mcap import McapWriter
 
 from moire_sensor.errors import CaptureError
-from moire_sensor.ros.bag_mcap import CHUNK, DATA_END, FOOTER, RECORD_HEADER, chunk_content
 from moire_sensor.ros.bag_message import BagMessage
 from moire_sensor.ros.bag_metadata import ROOT
 from moire_sensor.ros.bag_reader import Bag, read_messages
 from moire_sensor.ros.bag_unpack import unpack, unpack_message
+from moire_sensor.ros.mcap_records import CHUNK, DATA_END, FOOTER, RECORD_HEADER, chunk_content
 
 if sys.version_info >= (3, 14):
     from compression import zstd
