@@ -10,7 +10,7 @@ import pytest
 from dense_rigs import Float32, capture, dense_shot, sensor
 
 from moire_sensor import Reconstructor, Status
-from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_misfits, drop_slivers, is_unique, without_specks
+from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_slivers, is_unique, without_specks
 from moire_sensor.depth_confidence import WEIGHTS, confidence_of
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_views import PATCH_PX, typical_mismatch_rad
@@ -105,13 +105,6 @@ def test_slivers_are_the_short_runs(least: int) -> None:
     drop_slivers(disparity, least)
     np.testing.assert_array_equal(disparity, expected)
     assert np.isfinite(expected).any() == (least < 100)
-
-
-def test_misfits_are_dropped() -> None:
-    match = random_match(4)
-    known = np.isfinite(match.disparity_px)
-    drop_misfits(match, 0.3)
-    np.testing.assert_array_equal(np.isfinite(match.disparity_px), known & (match.mismatch_rad <= 0.3))
 
 
 def test_confidence_is_the_logistic_regression_of_its_five_properties() -> None:

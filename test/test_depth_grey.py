@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dense_rigs import SMALL, Array, Float32, outside_rig
+from dense_rigs import Array, Float32, outside_rig
 
 from moire_sensor.depth_grey import (
     FOREIGN_SHARE,
     LARGEST_STEP_PX,
+    ROUNDS_SIGMA,
     box_sum,
     check_greys,
     compare,
@@ -19,6 +20,7 @@ from moire_sensor.depth_grey import (
     measures_by_stereo,
     move,
     right_as_left,
+    sigma_of,
 )
 from moire_sensor.depth_refine import Match
 from moire_sensor.paper_rig import PERIOD_PX, paper_pattern, paper_rig
@@ -106,15 +108,27 @@ def test_moves_are_those_of_numpy() -> None:
     disparity[rng.uniform(size=shape) < 0.1] = np.nan
     power = rng.uniform(-100.0, 1000.0, shape).astype(np.float32)
     met = rng.normal(0.0, 300.0, shape).astype(np.float32)
-    enough, noise = np.float32(225.0), np.float32(NOISE)
+    enough = np.float32(225.0)
     step = np.clip(met / np.maximum(power, enough), -LARGEST_STEP_PX, LARGEST_STEP_PX)
     expected = disparity + np.where(power > enough, step, np.float32(0.0))
-    sigma = np.empty(shape, dtype=np.float32)
     # In place, as it is used.
-    move(disparity, power, met, enough, noise, disparity, sigma)
+    move(disparity, power, met, enough, disparity)
     np.testing.assert_allclose(disparity, expected, rtol=1e-6)
-    np.testing.assert_allclose(sigma, NOISE * np.sqrt(2.0 / np.maximum(power, enough)), rtol=1e-6)
     assert (np.abs(met / power) > LARGEST_STEP_PX).any()
+
+
+def test_sigma_is_that_of_the_differences_left_over() -> None:
+    """Normal noise of known size on known slopes: the window's standard deviation, what both rounds add included."""
+    rng = np.random.default_rng(3)
+    apart = np.abs(rng.normal(0.0, 2.0, (60, 80))).astype(np.float32)
+    apart[rng.uniform(size=apart.shape) < 0.3] = 0.0
+    power = np.full(apart.shape, 900.0, dtype=np.float32)
+    sigma = sigma_of(apart, power, (17, 15), 225.0)
+    # Some 200 pixels tell a mean magnitude to 5 %.
+    np.testing.assert_allclose(sigma[8:-8, 9:-9], ROUNDS_SIGMA * 2.0 / 30.0, rtol=0.25)
+    assert np.median(sigma) == pytest.approx(ROUNDS_SIGMA * 2.0 / 30.0, rel=0.03)
+    # Where there is nothing to measure by, as if there were just enough.
+    assert sigma_of(apart, -power, (17, 15), 225.0) == pytest.approx(2.0 * sigma, rel=1e-5)
 
 
 def test_box_sums_end_at_the_border() -> None:
@@ -242,27 +256,29 @@ def test_check_leaves_what_fits_and_drops_what_does_not() -> None:
     assert known[121:, 40:300].mean() < 0.35
 
 
+FLAT = (100, 200)
+
+
 def flat_phases() -> tuple[PhaseImage, PhaseImage]:
-    shape = SMALL[::-1]
-    x = np.broadcast_to(np.arange(SMALL[0], dtype=np.float32), shape)
-    known = np.zeros(shape, dtype=np.float32)
-    left = PhaseImage(known, 50.0 + 0.1 * x, 80.0 + x, known + 0.01, np.zeros(shape, dtype=np.uint8))
+    known = np.zeros(FLAT, dtype=np.float32)
+    x = np.broadcast_to(np.arange(FLAT[1], dtype=np.float32), FLAT)
+    left = PhaseImage(known, 50.0 + 0.1 * x, 80.0 + x, known + 0.01, np.zeros(FLAT, dtype=np.uint8))
     # What the left camera sees at column x the right one sees 8 columns farther left, dimmer.
     dim = replace(left, amplitude=0.8 * (left.amplitude + 0.8), background=0.8 * (left.background + 8.0) - 5.0)
     return left, dim
 
 
 def test_right_as_left_equalises_gain_and_shift() -> None:
-    disparity = np.full(SMALL[::-1], 8.3, dtype=np.float32)
+    disparity = np.full(FLAT, 8.3, dtype=np.float32)
     disparity[::2] = np.nan
-    right = np.random.default_rng(0).uniform(0, 150, SMALL[::-1]).astype(np.float32)
+    right = np.random.default_rng(0).uniform(0, 150, FLAT).astype(np.float32)
     np.testing.assert_allclose(right_as_left(right, disparity, flat_phases()), (right + 5.0) / 0.8, rtol=2e-4)
 
 
 def test_too_few_matches_tell_no_gain() -> None:
-    disparity = np.full(SMALL[::-1], np.nan, dtype=np.float32)
+    disparity = np.full(FLAT, np.nan, dtype=np.float32)
     disparity[:20, :20] = 8.3
-    right = np.random.default_rng(0).uniform(0, 150, SMALL[::-1]).astype(np.float32)
+    right = np.random.default_rng(0).uniform(0, 150, FLAT).astype(np.float32)
     np.testing.assert_array_equal(right_as_left(right, disparity, flat_phases()), right)
 
 

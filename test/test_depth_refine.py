@@ -42,14 +42,23 @@ def true_labels(truth_px: Array, projector: ProjectorMap, carrier: Carrier, left
     return (np.rint(turns) - first).astype(np.int8)
 
 
-def refined(noise_rad: tuple[float, float], lens: tuple[float, ...] = ()) -> tuple[Match, float]:
+TRUTH_PX = 8.3
+
+
+def scene_of(
+    noise_rad: tuple[float, float], lens: tuple[float, ...] = ()
+) -> tuple[Array, tuple[PhaseImage, PhaseImage], tuple[Carrier, Carrier], ProjectorMap, OrderRange]:
+    """True labels and what ``refine`` needs beside them."""
     projector = small_map(small_rig(lens))
     carriers = small_carriers(projector, 12.0)
     orders = OrderRange.build(projector, carriers[0], (-10.0, 34.0))
-    truth = np.full(SMALL[::-1], 8.3)
+    truth = np.full(SMALL[::-1], TRUTH_PX)
     phases = phases_of(truth, projector, carriers, noise_rad)
-    label = true_labels(truth, projector, carriers[0], phases[0], orders.first)
-    return refine(label, phases, carriers, projector, orders, Settings()), 8.3
+    return true_labels(truth, projector, carriers[0], phases[0], orders.first), phases, carriers, projector, orders
+
+
+def refined(noise_rad: tuple[float, float], lens: tuple[float, ...] = ()) -> tuple[Match, float]:
+    return refine(*scene_of(noise_rad, lens), Settings(), 1.2), TRUTH_PX
 
 
 @pytest.mark.parametrize("lens", [(), LENS], ids=["ideal", "lens"])
@@ -105,6 +114,31 @@ def test_scatter_is_the_predicted_sigma() -> None:
     scatter = float(np.std(match.disparity_px[:, 20:] - truth))
     # 3000 pixels tell a standard deviation to 1.3 %; right phases are interpolated, which averages two at half a pixel.
     assert scatter == pytest.approx(float(np.median(match.sigma_px[:, 20:])), rel=0.2)
+
+
+def test_phases_that_disagree_give_no_disparity_but_their_mismatch() -> None:
+    plain, _ = refined((0.05, 0.05))
+    strict = refine(*scene_of((0.05, 0.05)), Settings(), 0.07)
+    agree = plain.mismatch_rad <= 0.07
+    assert 0.3 < agree.mean() < 0.9
+    np.testing.assert_array_equal(strict.disparity_px, np.where(agree, plain.disparity_px, np.nan))
+    np.testing.assert_array_equal(strict.mismatch_rad, plain.mismatch_rad)
+    np.testing.assert_array_equal(strict.mismatch_rad, np.abs(strict.signed_mismatch_rad))
+
+
+def test_a_second_choice_changes_the_match_where_it_has_a_label() -> None:
+    label, *rest = scene_of((0.01, 0.01))
+    match, again = (refine(label, *rest, Settings(), 1.2) for _ in range(2))
+    other = np.full_like(label, -1)
+    other[10:20] = label[10:20]
+    match.disparity_px[8:22] = 0.0
+    expected = again.disparity_px.copy()
+    expected[[8, 9, 20, 21]] = 0.0
+    assert refine(other, *rest, Settings(), 1.2, match) is match
+    np.testing.assert_array_equal(match.disparity_px, expected)
+    np.testing.assert_array_equal(match.sigma_px, again.sigma_px)
+    alone = refine(other, *rest, Settings(), 1.2)
+    np.testing.assert_array_equal(np.isfinite(alone.disparity_px), np.isfinite(again.disparity_px) & (other >= 0))
 
 
 @pytest.mark.parametrize("name", ["paper", "outside", "lens"])
