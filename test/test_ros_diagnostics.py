@@ -96,7 +96,7 @@ def test_each_fault_is_told_by_its_own_status_and_gone_afterwards(head: TestHead
     concern, says, exposure = faulty(kind)
     values = wait_for(head, concern, says, exposure)
     if kind == "rows":
-        assert float(values["row offset px"]) == pytest.approx(2.0, abs=0.05)
+        assert float(values["row offset px"]) == pytest.approx(2.0, abs=0.1)
     wait_for(head, concern, says, Exposure.of(capture()), said_so=False)
 
 
