@@ -93,7 +93,8 @@ class PhasePipeline:
         match = self._refine(self._solver.second(refused), phases, single, match)
         match = self._by_greys(match, phases[0], greys, single)
         match.disparity_px[~self._unique(match, phases, greys)] = np.nan
-        drop_slivers(match.disparity_px, self._carriers[0].half_width_px // 2 if single else SLIVER_STEPS_PX)
+        if self._by_stereo:
+            drop_slivers(match.disparity_px, self._carriers[0].half_width_px // 2 if single else SLIVER_STEPS_PX)
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
         if self._by_stereo:
             match = extend(match, greys, phases[0], self._projector, self.settings)
