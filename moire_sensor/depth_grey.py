@@ -20,7 +20,7 @@ from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
 ROUNDS = 2
-LARGEST_STEP_PX = np.float32(0.5)
+LARGEST_STEP_PX = np.float32(0.7)
 # Pixels that differ by more than this share of the fringe amplitude, noise apart, do not show one point.
 FOREIGN_SHARE = np.float32(0.35)
 # What a window needs to measure: squared slopes that place it to a tenth of a pixel.
