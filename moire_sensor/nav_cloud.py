@@ -38,7 +38,7 @@ class NavSettings:
 
     nav_voxel_m: float = setting(0.02, 0.001, 1.0, "edge of a voxel of points_nav, m")
     nav_min_fill: float = setting(0.05, 0.0, 1.0, "share of a facing square's pixels that a voxel of points_nav needs")
-    nav_min_confidence: float = setting(0.2, 0.0, 1.0, "least confidence of a pixel in points_nav")
+    nav_min_confidence: float = setting(0.8, 0.0, 1.0, "least confidence of a pixel in points_nav")
     nav_max_range_m: float = setting(2.0, 0.05, 100.0, "distance from the camera up to which points_nav tells, m")
 
     def __post_init__(self) -> None:
@@ -98,12 +98,12 @@ def supported(depth_m: npt.NDArray[np.float32]) -> Mask:
     a strip of flying pixels no wider than REACH_PX has not. Unknown pixels (NaN) are never supported.
     """
     mask = np.zeros(depth_m.shape, dtype=np.bool_)
-    find_supported(np.ascontiguousarray(depth_m, dtype=np.float32), mask)
+    find_supported(np.ascontiguousarray(depth_m, dtype=np.float32), REACH_PX, mask)
     return mask
 
 
 @njit(parallel=True, cache=True)
-def find_supported(depth, mask):  # type: ignore[no-untyped-def]
+def find_supported(depth, reach, mask):  # type: ignore[no-untyped-def]
     """Fill ``mask`` (H, W) bool from ``depth`` (H, W) float32; a comparison with NaN is false, as it should be."""
     height, width = depth.shape
     for y in prange(height):
@@ -111,7 +111,7 @@ def find_supported(depth, mask):  # type: ignore[no-untyped-def]
             tolerance = np.float32(SAME_SURFACE) * depth[y, x]
             in_row = 0
             in_column = 0
-            for step in range(1, REACH_PX + 1):
+            for step in range(1, reach + 1):
                 if x >= step:
                     in_row += abs(depth[y, x - step] - depth[y, x]) <= tolerance
                 if x + step < width:
@@ -120,7 +120,7 @@ def find_supported(depth, mask):  # type: ignore[no-untyped-def]
                     in_column += abs(depth[y - step, x] - depth[y, x]) <= tolerance
                 if y + step < height:
                     in_column += abs(depth[y + step, x] - depth[y, x]) <= tolerance
-            mask[y, x] = in_row >= REACH_PX and in_column >= REACH_PX
+            mask[y, x] = in_row >= reach and in_column >= reach
 
 
 def voxel_means(points: Cloud, share: npt.NDArray[np.floating[Any]], voxel_m: float, min_fill: float) -> Cloud:

@@ -110,7 +110,7 @@ def test_obstacles_are_within_range_and_trusted() -> None:
     np.testing.assert_allclose(found[:, 2], BOX_M, rtol=1e-6)
     # The box covers 160 by 160 pixels: 0.128 by 0.1275 m of 20 mm voxels, cut ones at its ends.
     assert 6 * 6 <= len(found) <= 8 * 8
-    assert obstacle_cloud(rig, cloud, shot_of(depth_m, confidence=0.1), nav).shape == (1, 0, 3)
+    assert obstacle_cloud(rig, cloud, shot_of(depth_m, confidence=0.7), nav).shape == (1, 0, 3)
 
 
 def test_clearing_rays_end_before_the_nearest_thing_or_at_the_range() -> None:
