@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,6 +12,7 @@ from moire_sensor.depth_check import drop_slivers, is_unique, without_specks
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
+from moire_sensor.depth_surface import along_surface
 from moire_sensor.depth_views import orders_fail, typical_mismatch_rad
 from moire_sensor.order_range import OrderRange
 from moire_sensor.order_solver import OrderSolver
@@ -56,6 +59,8 @@ class PhasePipeline:
         )
         self._buffers = np.empty((2, 6, *self._carriers[0].cos.shape), dtype=np.float32)
         self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
+        # Where the pair measures, its misalignment cannot be told from depth.
+        self._refining = replace(settings, alignment_px=0.0) if self._by_stereo else settings
         self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
         self._solver = OrderSolver(self._carriers, self._projector, self._orders, settings.jump_cost)
 
@@ -110,7 +115,7 @@ class PhasePipeline:
         """Disparities of the chosen orders from the phases of all views, NaN where the phases disagree."""
         strict = self._by_stereo and not single
         limit = self.settings.max_mismatch_steps_rad if strict else self.settings.max_mismatch_rad
-        return refine(label, phases, self._carriers, self._projector, self._orders, self.settings, limit, match)
+        return refine(label, phases, self._carriers, self._projector, self._orders, self._refining, limit, match)
 
     def _by_greys(self, match: Match, phase: PhaseImage, greys: tuple[Float32, Float32], single: bool) -> Match:
         """Disparities of a single shot measured, those of phase steps checked, by the grey levels of both views.
@@ -123,7 +128,7 @@ class PhasePipeline:
             half_width = self._carriers[0].half_width_px
             return match_greys(match, greys, phase.amplitude, half_width, self.settings)
         check_greys(match, greys, phase.amplitude, self.settings)
-        return match
+        return averaged(match, self.settings.half_mean_steps_px)
 
     def _unique(
         self, match: Match, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32]
@@ -173,3 +178,10 @@ class PhasePipeline:
             typical_mismatch_rad=typical_rad,
         )
 
+
+def averaged(match: Match, half_px: int) -> Match:
+    """Disparities averaged over 2 n + 1 rows and columns of their own surface; as given for n = 0."""
+    if half_px == 0:
+        return match
+    mean = along_surface(match.disparity_px, half_px, half_px)
+    return replace(match, disparity_px=mean, sigma_px=match.sigma_px / np.float32(2 * half_px + 1))

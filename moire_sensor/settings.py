@@ -39,7 +39,9 @@ class Settings:
     half_height_px: int = setting(2, 0, 10, "rows above and below that a single-shot window takes in, pixels")  # type: ignore[assignment]
     jump_cost: float = setting(0.8, 0.0, 10.0, "cost of a depth jump between neighbours, in units of a full mismatch")
     common_error_rad: float = setting(0.03, 0.0, 1.0, "phase error common to both cameras (gamma, motion), radians")
-    alignment_px: float = setting(0.15, 0.0, 5.0, "column error of the stereo calibration, pixels")
+    alignment_px: float = setting(
+        0.5, 0.0, 5.0, "column error of the stereo calibration, where the projector measures better, pixels"
+    )
     max_mismatch_rad: float = setting(1.2, 0.01, 3.0, "largest left-right phase mismatch that is believed, radians")
     max_mismatch_steps_rad: float = setting(
         0.3, 0.01, 3.0, "the same for phase steps, where the cameras measure against each other, radians"
@@ -52,6 +54,9 @@ class Settings:
         0.12, 0.0, 1.0, "largest grey-level difference of a pixel given to the surface beside it, fringe amplitudes"
     )
     half_height_grey_px: int = setting(7, 0, 50, "rows above and below that a match of grey levels takes in, pixels")  # type: ignore[assignment]
+    half_mean_steps_px: int = setting(  # type: ignore[assignment]
+        0, 0, 10, "rows and columns on either side that a depth of phase steps is averaged with, pixels"
+    )
     max_motion_rad: float = setting(0.8, 0.0, 3.0, "largest phase drift from frame to frame that is believed, radians")
     image_noise: float = setting(1.5, 0.01, 50.0, "camera noise where the frames cannot tell it, grey levels of 255")
     reference_depth_m: float = setting(1.5, 0.01, 100.0, "depth of the plane that reference_plane compares with, m")
