@@ -1,7 +1,7 @@
 """Single-shot depth against exact truth, per scene and condition.
 
 Limits are those of the method's aims at amplitude 70 and noise 1.5 (median 0.09 mm scaled to 1 m: the noise floor of a
-single shot over 3.3 rows), and where it does not reach them what it reaches, plus a tenth; those lines say so.
+single shot over 3.3 rows). Where a line says so, it is not at its aim, and the limit is what it reaches, plus a tenth.
 """
 
 from __future__ import annotations
@@ -40,15 +40,7 @@ class Limits:
 
 
 LIMITS = {
-    # Noise along a slope grows as the fringes are compressed in one view: (1 + slope) for the steeper, and a bias.
-    "tilt_0.5": Limits(median_mm=0.105),
-    "slope_1.2": Limits(median_mm=0.17),
-    # Curvature within a window; not at the aim.
-    "waves": Limits(median_mm=0.43),
-    "cylinder_and_box": Limits(median_mm=0.13, outliers_away=0.00025),
-    "spheres": Limits(completeness=0.974, median_mm=0.11, outliers=0.0055),
-    "stairs": Limits(completeness=0.974),
-    # The aim for poles: 0.93 and 2 %.
+    # The aim for poles.
     "thin_poles": Limits(completeness=0.93, outliers=0.02),
 }
 # What a condition may cost, as factors on (share without depth, outliers, median): three times by the aims.
