@@ -117,8 +117,8 @@ def test_confidence_is_calibrated() -> None:
     others = np.sum([counts[name] for name in counts if name != "thin_poles"], axis=0)
     assert others[1] <= 0.0005 * others[0]
     assert all(sure >= 0.9 * right for _, _, right, sure in counts.values())
-    # Beside thin poles confidence is too good: 0.7 % are off, not 0.05 %.
-    assert counts["thin_poles"][1] <= 0.008 * counts["thin_poles"][0]
+    # Beside thin poles confidence is too good: 0.22 % are off, not 0.05 %.
+    assert counts["thin_poles"][1] <= 0.0025 * counts["thin_poles"][0]
     assert all((dense_shot(name).confidence[np.isnan(dense_shot(name).depth_m)] == 0.0).all() for name in counts)
 
 

@@ -8,6 +8,7 @@ from dense_rigs import Array, Float32, capture, dense_shot, sensor, stepped_shot
 
 from moire_sensor import Reconstructor, Shot, StereoRig
 from moire_sensor.paper_rig import paper_rig
+from moire_sensor.shot import UNKNOWN_ORDER
 
 SCENE = "spheres"
 WIDTH, HEIGHT = 640, 480
@@ -113,3 +114,17 @@ def test_mirrored_cameras_agree_with_each_other(method: str, rows: bool) -> None
     # Below the noise of two results: 0.35 mm at 1 m are 0.041 px for phase steps, 0.058 mm are 0.007 px for one shot.
     assert np.median(apart) < {"dense": 0.007, "phase_shift": 0.041}[method]
     assert (apart > 1.0).mean() < 0.005
+
+
+@METHODS
+@pytest.mark.parametrize("name", ["slope_1.2", "tilt_rows_0.5", "waves"])
+def test_orders_are_monotone_along_ordered_surfaces(method: str, name: str) -> None:
+    """What the projector sees from left to right, so does the camera: along a row the order only grows."""
+    shot = dense_shot(name) if method == "dense" else stepped_shot(name)
+    for row in shot.fringe_order[5::19]:
+        orders = row[row != UNKNOWN_ORDER].astype(int)
+        assert orders.size > 300
+        assert orders[-1] - orders[0] > 15
+        # At a border between two periods noise may toggle the order by one.
+        assert (np.maximum.accumulate(orders) - orders).max() <= 1
+        assert np.diff(orders).max() <= 1
