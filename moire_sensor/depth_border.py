@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE
+from moire_sensor.angles import NAN_SAFE, wrap
 from moire_sensor.depth_refine import Match
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
@@ -229,7 +229,7 @@ def fits(offer, y, x, y0, x0, left, right, background, amplitude, map_, claim, n
     refused = np.float32(np.inf)
     bright = amplitude[y0, x0]
     phase, _ = phase_of_disparity(map_, x, y, disparity)
-    lacks = background[y0, x0] + bright * np.float32(np.cos(phase)) - left[y, x]
+    lacks = background[y0, x0] + bright * np.cos(wrap(np.float32(phase))) - left[y, x]
     if lacks > DIM_SHARE * bright + np.float32(3.0) * noise or -lacks > GLARE_SHARE * bright + np.float32(3.0) * noise:
         return disparity, refused, refused
     aside = ROW_SPAN_PX if x0 > x else ROW_SPAN_PX // 2 if x0 == x else 0

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.angles import NAN_SAFE
+from moire_sensor.box_sums import box_sum
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_surface import along_surface
 from moire_sensor.phase_carrier import Carrier, Float32
@@ -108,11 +109,6 @@ def least_difference(apart: Float32, window: tuple[int, int]) -> Float32:
 def drop_foreign(disparity_px: Float32, apart: Float32, amplitude: Float32, settings: Settings) -> None:
     """Set in place to NaN the disparities whose views differ by more than noise and the allowed misfit."""
     disparity_px[apart > np.float32(2.0 * settings.image_noise) + np.float32(settings.max_misfit) * amplitude] = np.nan
-
-
-def box_sum(values: Float32, window: tuple[int, int]) -> Float32:
-    """Sum over the window (columns, rows) centred on each pixel (H, W), as if the image went on with zeros."""
-    return np.asarray(cv2.boxFilter(values, -1, window, normalize=False, borderType=cv2.BORDER_CONSTANT))
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)

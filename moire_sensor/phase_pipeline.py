@@ -29,6 +29,8 @@ from moire_sensor.shot import Shot, Status
 # Mismatch that shading, or motion between the steps, can put between the two phases of one point.
 SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
 RANGE_MARGIN = 0.02
+# Lets the projector steady the start of a match by grey levels where shading moves the phases.
+START_ALIGNMENT_PX = 0.15
 # Runs of phase steps shorter than this are accidents; a single shot cannot measure less than a quarter of a period.
 SLIVER_STEPS_PX = 3
 # Where the projector measures, the alignment of the pair matters less: the real hand has patches 0.22 rad off.
@@ -59,8 +61,12 @@ class PhasePipeline:
         )
         self._buffers = np.empty((2, 6, *self._carriers[0].cos.shape), dtype=np.float32)
         self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
-        # Where the pair measures, its misalignment cannot be told from depth.
-        self._refining = replace(settings, alignment_px=0.0) if self._by_stereo else settings
+        # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
+        starting = min(settings.alignment_px, START_ALIGNMENT_PX)
+        self._refining = {
+            single: replace(settings, alignment_px=alignment) if self._by_stereo else settings
+            for single, alignment in ((True, starting), (False, 0.0))
+        }
         self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
         self._solver = OrderSolver(self._carriers, self._projector, self._orders, settings.jump_cost)
 
@@ -115,7 +121,7 @@ class PhasePipeline:
         """Disparities of the chosen orders from the phases of all views, NaN where the phases disagree."""
         strict = self._by_stereo and not single
         limit = self.settings.max_mismatch_steps_rad if strict else self.settings.max_mismatch_rad
-        return refine(label, phases, self._carriers, self._projector, self._orders, self._refining, limit, match)
+        return refine(label, phases, self._carriers, self._projector, self._orders, self._refining[single], limit, match)
 
     def _by_greys(self, match: Match, phase: PhaseImage, greys: tuple[Float32, Float32], single: bool) -> Match:
         """Disparities of a single shot measured, those of phase steps checked, by the grey levels of both views.
