@@ -121,7 +121,8 @@ class PhasePipeline:
         """Disparities of the chosen orders from the phases of all views, NaN where the phases disagree."""
         strict = self._by_stereo and not single
         limit = self.settings.max_mismatch_steps_rad if strict else self.settings.max_mismatch_rad
-        return refine(label, phases, self._carriers, self._projector, self._orders, self._refining[single], limit, match)
+        settings = self._refining[single]
+        return refine(label, phases, self._carriers, self._projector, self._orders, settings, limit, match)
 
     def _by_greys(self, match: Match, phase: PhaseImage, greys: tuple[Float32, Float32], single: bool) -> Match:
         """Disparities of a single shot measured, those of phase steps checked, by the grey levels of both views.
