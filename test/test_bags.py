@@ -26,6 +26,7 @@ from moire_sensor.ros.bag_reader import Bag, read_messages
 from moire_sensor.ros.bag_recorder import BagRecorder
 from moire_sensor.ros.bag_topics import HEAD_TOPICS, RESULT_TOPICS, topics_named
 from moire_sensor.ros.bag_writer import BagWriter, Limits
+from moire_sensor.ros.result_messages import TOPICS
 
 IMAGES: dict[int, bytes] = {}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -165,6 +166,7 @@ def test_player_refuses_what_is_no_bag_and_unknown_topics(tmp_path: Path) -> Non
 def test_topic_groups() -> None:
     assert topics_named("head") == HEAD_TOPICS
     assert topics_named("head, results") == HEAD_TOPICS + RESULT_TOPICS
+    assert set(TOPICS) <= {topic.name for topic in RESULT_TOPICS}
     assert [topic.name for topic in topics_named("left/image_raw tf")] == ["left/image_raw", "tf"]
     assert topics_named("left/image_raw")[0].message is Image
 

@@ -48,6 +48,7 @@ RESULT_TOPICS = (
     BagTopic("disparity", DisparityImage),
     BagTopic("points", PointCloud2),
     BagTopic("points_nav", PointCloud2),
+    BagTopic("points_nav_clearing", PointCloud2),
     BagTopic("acquisition_done", Header),
     BagTopic("/diagnostics", DiagnosticArray),
 )
