@@ -1,27 +1,30 @@
-# The commands of the README. PYTHON=python3.12 make setup selects another interpreter.
+# The commands of the README; make help lists them. PYTHON=python3.12 make setup selects another interpreter.
 PYTHON ?=
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup demo test check bench
+.PHONY: setup demo test check bench help
 
-setup:
+setup: ## make .venv and install into it
 	@python="$(or $(PYTHON),python3)"; \
 	command -v "$$python" >/dev/null || { \
 	  echo "set-up: no '$$python' on the PATH; install Python 3.11 to 3.13 or name one with PYTHON=..." >&2; exit 1; }; \
 	"$$python" tools/setup_env.py $(if $(PYTHON),--selected)
 
-demo: setup
+demo: setup ## run head and reconstruction, check the depth, write demo/report.html; CAPTURE=folder plays a capture
 	@$(BIN)/python -m tools.demo.run $(if $(CAPTURE),--capture "$(CAPTURE)")
 
-check: setup
+check: setup ## lint and types
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-test: check
+test: check ## lint, types and all tests
 	$(BIN)/pytest
 
 # BENCH="--parts scenes --scenes waves" measures a part; BENCH=--help tells all options.
 # Idle kernel threads sleep, as in the executables.
-bench: setup
+bench: setup ## accuracy and speed beside other methods, into docs/bench.md
 	@OMP_WAIT_POLICY=passive $(BIN)/python -m tools.bench.run $(BENCH)
+
+help: ## this list
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile | sort | expand -t 10
