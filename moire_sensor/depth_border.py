@@ -297,10 +297,12 @@ def assign(  # type: ignore[no-untyped-def]
             best, chosen, variance, bright = best_offer(
                 disparity, trust, y, x, before, after, left, right, background, amplitude, map_, claim, noise
             )
-            if best == np.float32(np.inf):
-                continue
-            allowed = np.float32(2.0) * noise / bright + misfit
             own, here = np.float32(np.inf), disparity[y, x]
+            if best == np.float32(np.inf):
+                if np.isnan(here):
+                    continue
+                bright = max(amplitude[y, x], np.float32(1.0))
+            allowed = np.float32(2.0) * noise / bright + misfit
             if not np.isnan(here) and not taken(claim, y, x, here):
                 own = small_difference(left, right, y, x, here, np.float32(0.0), np.float32(0.0), bright) / bright
             if best < allowed and best < own - BETTER_SHARE:

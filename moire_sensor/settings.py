@@ -35,7 +35,7 @@ class Settings:
     """
 
     min_amplitude: float = setting(6.0, 0.5, 127.0, "smallest fringe amplitude of a lit pixel, grey levels of 255")
-    min_amplitude_to_noise: float = setting(2.0, 0.0, 100.0, "smallest ratio of fringe amplitude to fit residual")
+    min_amplitude_to_noise: float = setting(1.5, 0.0, 100.0, "smallest ratio of fringe amplitude to fit residual")
     half_height_px: int = setting(2, 0, 10, "rows above and below that a single-shot window takes in, pixels")  # type: ignore[assignment]
     jump_cost: float = setting(0.8, 0.0, 10.0, "cost of a depth jump between neighbours, in units of a full mismatch")
     common_error_rad: float = setting(0.03, 0.0, 1.0, "phase error common to both cameras (gamma, motion), radians")
@@ -51,7 +51,7 @@ class Settings:
     )
     max_misfit: float = setting(0.2, 0.0, 1.0, "largest grey-level difference of matched views, fringe amplitudes")
     max_border_misfit: float = setting(
-        0.12, 0.0, 1.0, "largest grey-level difference of a pixel given to the surface beside it, fringe amplitudes"
+        0.15, 0.0, 1.0, "largest grey-level difference of a pixel beside an edge, fringe amplitudes"
     )
     half_height_grey_px: int = setting(7, 0, 50, "rows above and below that a match of grey levels takes in, pixels")  # type: ignore[assignment]
     half_mean_steps_px: int = setting(  # type: ignore[assignment]
