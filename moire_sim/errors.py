@@ -11,3 +11,7 @@ class SceneError(MoireError):
 
 class SimulatorError(MoireError):
     """A simulator that is not installed or cannot render."""
+
+
+class TrajectoryError(MoireError):
+    """A trajectory that the head's joints cannot follow."""

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,11 +17,11 @@ import pybullet
 
 from moire_sensor.resources import resource_path
 from moire_sim.device_view import DeviceView
+from moire_sim.joint_motion import PAN_JOINT, TILT_JOINT, JointLimit
 from moire_sim.meshes import Body, to_obj
 
 Array = npt.NDArray[np.float64]
 NEAR_M, FAR_M = 0.2, 10.0
-PAN_JOINT, TILT_JOINT = "head_pan_joint", "head_tilt_joint"
 LEFT_OPTICAL_FRAME = "head_left_optical_frame"
 
 
@@ -40,7 +41,9 @@ class GeometryRenderer:
         try:
             urdf = str(resource_path("urdf/head.urdf"))
             self._head = pybullet.loadURDF(urdf, useFixedBase=True, physicsClientId=self._client)
-            self._links = self._link_indices()
+            # A link has the number of the joint that carries it.
+            self._joints = {info[1].decode(): info[0] for info in self._joint_infos()}
+            self._links = {info[12].decode(): info[0] for info in self._joint_infos()}
             self._world_from_base = np.linalg.inv(self._link_pose(LEFT_OPTICAL_FRAME))
             self._place_base()
             for body in bodies:
@@ -55,18 +58,17 @@ class GeometryRenderer:
             pybullet.disconnect(physicsClientId=self._client)
             self._client = -1
 
-    def joint_limits_rad(self) -> dict[str, tuple[float, float]]:
-        """Lower and upper limit of pan and tilt, by joint name."""
-        infos = [
-            pybullet.getJointInfo(self._head, joint, physicsClientId=self._client)
-            for joint in range(pybullet.getNumJoints(self._head, physicsClientId=self._client))
-        ]
-        return {info[1].decode(): (info[8], info[9]) for info in infos if info[2] == pybullet.JOINT_REVOLUTE}
+    def joint_limits(self) -> dict[str, JointLimit]:
+        """What the URDF allows pan and tilt, by joint name."""
+        movable = (info for info in self._joint_infos() if info[2] == pybullet.JOINT_REVOLUTE)
+        return {
+            info[1].decode(): JointLimit(low_rad=info[8], high_rad=info[9], speed_rad_s=info[11]) for info in movable
+        }
 
     def set_joints(self, pan_rad: float, tilt_rad: float) -> None:
         """Turn the head; limits are the caller's business."""
-        for link, angle in (("head_pan_link", pan_rad), ("head_tilt_link", tilt_rad)):
-            pybullet.resetJointState(self._head, self._links[link], angle, physicsClientId=self._client)
+        for joint, angle in ((PAN_JOINT, pan_rad), (TILT_JOINT, tilt_rad)):
+            pybullet.resetJointState(self._head, self._joints[joint], angle, physicsClientId=self._client)
 
     def frames(self) -> dict[str, Array]:
         """Pose (4, 4) of each link of the URDF in ``head_base_link``."""
@@ -97,10 +99,9 @@ class GeometryRenderer:
         red = np.asarray(colour, dtype=np.uint8).reshape(height, width, 4)[..., 0]
         return Buffers(np.where(window < 1.0 - 1e-6, z, np.nan), (red / 255.0).astype(np.float32))
 
-    def _link_indices(self) -> dict[str, int]:
+    def _joint_infos(self) -> list[Any]:
         joints = range(pybullet.getNumJoints(self._head, physicsClientId=self._client))
-        infos = [pybullet.getJointInfo(self._head, joint, physicsClientId=self._client) for joint in joints]
-        return {info[12].decode(): info[0] for info in infos}
+        return [pybullet.getJointInfo(self._head, joint, physicsClientId=self._client) for joint in joints]
 
     def _link_pose(self, name: str) -> Array:
         state = pybullet.getLinkState(

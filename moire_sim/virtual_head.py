@@ -18,6 +18,7 @@ from moire_sim.device_view import DeviceView
 from moire_sim.errors import SimulatorError
 from moire_sim.exposure import exposed, noise_generator
 from moire_sim.fringe_image import Image, Light, dark_picture, fringe_picture
+from moire_sim.joint_motion import PAN_JOINT, TILT_JOINT, JointLimit
 from moire_sim.scenes import scene_bodies
 from moire_sim.still_view import StillView, still_view
 
@@ -157,6 +158,11 @@ class VirtualHead:
         return self._pan_tilt_rad
 
     @property
+    def joint_limits(self) -> dict[str, JointLimit]:
+        """What pan and tilt can do, by joint name."""
+        return self._renderer.joint_limits()
+
+    @property
     def frames(self) -> dict[str, Array]:
         """Pose (4, 4) of each frame of the head in ``head_base_link``, for TF.
 
@@ -176,11 +182,12 @@ class VirtualHead:
         SettingsError
             An angle outside the joint's limits.
         """
-        limits = self._renderer.joint_limits_rad()
-        for name, angle in (("head_pan_joint", pan_rad), ("head_tilt_joint", tilt_rad)):
-            low, high = limits[name]
-            if not low <= angle <= high:
-                raise SettingsError(f"{name} was given {angle} rad; it must be {low:g} to {high:g}")
+        for name, angle in ((PAN_JOINT, pan_rad), (TILT_JOINT, tilt_rad)):
+            limit = self.joint_limits[name]
+            if not limit.low_rad <= angle <= limit.high_rad:
+                raise SettingsError(
+                    f"{name} was given {angle} rad; it must be {limit.low_rad:g} to {limit.high_rad:g}"
+                )
         if (pan_rad, tilt_rad) != self._pan_tilt_rad:
             self._renderer.set_joints(pan_rad, tilt_rad)
             self._pan_tilt_rad = (pan_rad, tilt_rad)

@@ -6,7 +6,7 @@ import sys
 from typing import Any
 
 from rclpy.node import Node
-from sensor_msgs.msg import Image, JointState
+from sensor_msgs.msg import Image
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -24,13 +24,13 @@ from moire_sensor.ros.projector_state import MAX_STEP_COUNT, state_of_exposure
 from moire_sensor.ros.qos import latched_qos, overridable, publisher_qos
 from moire_sim.turns import seconds_to_turn
 from moire_sim.virtual_head import HeadOptions, VirtualHead
+from moire_sim.virtual_head_joints import HeadJoints
 
 USAGE = """
 virtual_head --ros-args [-p scene:=flat_board] [-p rate_hz:=10] [-p seed:=0] [-p phase_steps:=1] [-r __ns:=/head]
 A simulated head with two cameras and a fringe projector before a scene.
 """
 NAMESPACE = "head"
-JOINTS = ("head_pan_joint", "head_tilt_joint")
 DIAGNOSTICS_PERIOD_S = 1.0
 SPECS = (
     ParameterSpec("scene", "flat_board", "scene, options after a colon: flat_board:distance_m=0.8", read_only=True),
@@ -77,8 +77,10 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         self._laser_on = True
         self._awaited: int = values["wait_for_subscribers"]
         self._publisher = HeadPublisher(self, self._head.rig, PROJECTOR_SIZE, values["frame_prefix"])
-        self._joints = self._make_publisher(JointState, "joint_states")
-        self._truth = self._make_publisher(Image, "ground_truth/depth")
+        self._joints = HeadJoints(self, self._head)
+        self._truth = self.create_publisher(
+            Image, "ground_truth/depth", publisher_qos(), qos_overriding_options=overridable()
+        )
         self._diagnostics = DiagnosticsPublisher(self)
         self._describe_robot()
         refuse_unknown(self, qos=True)
@@ -97,9 +99,6 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
     def close(self) -> None:
         """Leave the simulator."""
         self._head.close()
-
-    def _make_publisher(self, kind: Any, topic: str) -> Any:
-        return self.create_publisher(kind, topic, publisher_qos(), qos_overriding_options=overridable())
 
     def _describe_robot(self) -> None:
         """Publish the URDF; robot_state_publisher makes the TF from it and the joint states."""
@@ -128,15 +127,15 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
 
     def _expose(self) -> None:
         """Make the next exposure and publish everything that belongs to it with its stamp."""
-        stamp = self.get_clock().now().to_msg()
+        now = self.get_clock().now()
+        stamp = now.to_msg()
+        self._joints.turn(now)
         step = self._exposures % self._pattern.step_count
         if self._laser_on:
             left, right = self._head.expose(self._pattern, step, self._exposures)
         else:
             left, right = self._head.ambient(self._exposures)
         self._exposures += 1
-        pan_tilt_rad = [float(angle) for angle in self._head.pan_tilt_rad]
-        self._joints.publish(JointState(header=Header(stamp=stamp), name=list(JOINTS), position=pan_tilt_rad))
         self._publisher.publish(stamp, left, right, state_of_exposure(self._pattern, step, self._laser_on))
         if self._truth.get_subscription_count():
             self._truth.publish(
@@ -162,7 +161,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         values = {"exposures": self._exposures, "laser on": self._laser_on}
         values |= {name: self._values[name] for name in ("scene", "rate_hz", "seed", "phase_steps")}
         level, text = (OK, "exposing") if self._laser_on else (WARN, "the projector is off")
-        self._diagnostics.publish([status_of("exposure", level, text, values)])
+        self._diagnostics.publish([status_of("exposure", level, text, values), self._joints.status()])
 
 
 def open_head(values: dict[str, Any]) -> VirtualHead:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 ROS_PACKAGES = {"rclpy", "sensor_msgs", "std_msgs", "stereo_msgs", "diagnostic_msgs", "std_srvs", "geometry_msgs",
-                "builtin_interfaces", "rcl_interfaces", "ament_index_python", "launch", "launch_ros"}  # fmt: skip
+                "builtin_interfaces", "rcl_interfaces", "ament_index_python", "launch", "launch_ros",
+                "trajectory_msgs"}  # fmt: skip
 
 
 def python_files(folder: str) -> list[str]:

@@ -8,9 +8,11 @@ import sys
 import pytest
 from source_scan import ROOT, ROS_PACKAGES, imported_packages, python_files
 
+ROS_OF_THE_SIMULATOR = {f"moire_sim/{name}.py" for name in ("virtual_head_node", "virtual_head_joints", "demo_node")}
+
 
 def is_ros(path: str) -> bool:
-    return path.startswith("moire_sensor/ros/") or path == "moire_sim/virtual_head_node.py"
+    return path.startswith("moire_sensor/ros/") or path in ROS_OF_THE_SIMULATOR
 
 
 @pytest.mark.parametrize("path", python_files("moire_sensor") + python_files("moire_sim"))

@@ -1,0 +1,66 @@
+"""Pan and tilt of the virtual head on ROS: ``joint_trajectory`` in, ``joint_states`` of each exposure out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory
+
+from moire_sensor.ros.diagnostics import OK, WARN, status_of
+from moire_sensor.ros.qos import input_qos, overridable, publisher_qos
+from moire_sim.errors import TrajectoryError
+from moire_sim.head_motion import HeadMotion
+from moire_sim.joint_motion import PAN_JOINT, TILT_JOINT
+from moire_sim.virtual_head import VirtualHead
+
+
+class HeadJoints:
+    """Turn the head as trajectories command it, always to where the joints are at an exposure's stamp."""
+
+    def __init__(self, node: Any, head: VirtualHead) -> None:
+        self._node, self._head = node, head
+        at_rest = dict(zip((PAN_JOINT, TILT_JOINT), head.pan_tilt_rad, strict=True))
+        self._motion = HeadMotion(head.joint_limits, at_rest)
+        self._accepted = self._refused = self._reported = 0
+        self._last_refusal = "none"
+        self._states = node.create_publisher(
+            JointState, "joint_states", publisher_qos(), qos_overriding_options=overridable()
+        )
+        qos = input_qos(reliable=True)
+        node.create_subscription(
+            JointTrajectory, "joint_trajectory", self._follow, qos, qos_overriding_options=overridable()
+        )
+
+    def turn(self, stamp: Time) -> None:
+        """Turn the head to its pose at an exposure's stamp, and publish that."""
+        states = self._motion.at(stamp.nanoseconds)
+        self._head.set_head(*(states[name][0] for name in (PAN_JOINT, TILT_JOINT)))
+        positions, velocities = ([float(value) for value in values] for values in zip(*states.values(), strict=True))
+        header = Header(stamp=stamp.to_msg())
+        self._states.publish(JointState(header=header, name=list(states), position=positions, velocity=velocities))
+
+    def status(self) -> DiagnosticStatus:
+        """Status of the joints: where they are now, and the trajectories followed and refused."""
+        now_ns = self._node.get_clock().now().nanoseconds
+        moving = self._motion.is_moving(now_ns)
+        values: dict[str, Any] = {f"{name} rad": state[0] for name, state in self._motion.at(now_ns).items()}
+        values |= {"moving": moving, "accepted": self._accepted, "refused": self._refused}
+        values["last refusal"] = self._last_refusal
+        new, self._reported = self._refused - self._reported, self._refused
+        if new:
+            return status_of("joints", WARN, "a trajectory was refused in the last period", values)
+        return status_of("joints", OK, "moving" if moving else "at rest", values)
+
+    def _follow(self, message: JointTrajectory) -> None:
+        try:
+            self._motion.command(message, self._node.get_clock().now().nanoseconds)
+        except TrajectoryError as error:
+            self._refused += 1
+            self._last_refusal = str(error)
+            self._node.get_logger().warning(f"trajectory refused: {error}")
+            return
+        self._accepted += 1
