@@ -206,9 +206,7 @@ def slow_round(views: tuple[Float32, Float32], images: Array, trust: Mask, todo:
     for y, x in np.argwhere(todo & ~trust):
         offers = [slow_offer(views, disparity, claim, y, x, *at) for at in slow_neighbours(trust, y, x)]
         good = [offer for offer in offers if offer is not None and np.isfinite(offer[0])]
-        if not good:
-            continue
-        best, chosen, sigma = min(good, key=lambda offer: offer[0])
+        best, chosen, sigma = min(good, key=lambda offer: offer[0], default=(np.inf, np.nan, np.nan))
         own, here = np.inf, float(disparity[y, x])
         if np.isfinite(here) and not is_taken(claim, y, x, here):
             own = slow_difference(views, y, x, (here, 0.0, 0.0)) / AMPLITUDE
