@@ -144,8 +144,9 @@ def test_other_rigs(name: str, make_rig: type[StereoRig], range_m: tuple[float, 
     seen = analytic_capture(name, paper_pattern(), rig=rig)
     sensor = Reconstructor(rig, paper_pattern(), range_m)
     shot = sensor.reconstruct(seen.left, seen.right)
-    # Not at their aims, with the small plate: 0.72 % (away from edges 0.44 %) off where the projector stands outside, whose pair of 40 mm tells
-    # orders apart badly; 0.74 % ghosts with the negative rig, on wall that the right image does not show.
+    # Not at their aims, with the small plate: 0.72 % off (away from edges 0.44 %) where the projector stands outside,
+    # whose pair of 40 mm tells orders apart badly; 0.74 % ghosts with the negative rig, on wall that the right image
+    # does not show.
     check(shot, seen, Limits(outliers=0.008, outliers_away=0.0048, ghosts=0.0082))
     assert (np.nanmax(shot.disparity_px) < 0.0) == (make_rig is negative_rig)
 
