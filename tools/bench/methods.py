@@ -12,6 +12,7 @@ import numpy.typing as npt
 from moire_sensor import Reconstructor
 from moire_sensor.paper_rig import PROJECTOR_SIZE, paper_pattern
 from moire_sensor.rig import StereoRig
+from moire_sensor.settings import Settings
 from moire_sim.random_dots import Projected, RandomDots
 from tools.bench.block_matching import BlockMatcher, Kind
 from tools.bench.conditions import Condition
@@ -52,22 +53,32 @@ class Method(Protocol):
 
 @dataclass(frozen=True)
 class FringeMethod:
-    """``dense``, ``phase_shift`` or ``fringe_edges``."""
+    """``dense``, ``phase_shift`` or ``fringe_edges``; a name may go on after the method's.
+
+    ``half_mean_steps_px`` averages phase steps with their neighbours, see :class:`moire_sensor.Settings`.
+    """
 
     name: str
+    half_mean_steps_px: int = 0
     ours: bool = True
     projector_on: bool = True
+
+    @property
+    def method(self) -> str:
+        """The method that the reconstructor knows."""
+        return self.name.split()[0]
 
     def pattern(self, condition: Condition, scale: float = 1.0) -> Any:
         """Return the paper's fringes, in four steps for phase shifting, in five where they are square."""
         steps = SQUARE_STEPS if condition.waveform == "square" else STEPS
-        fringes = paper_pattern(steps if self.name == "phase_shift" else 1)
+        fringes = paper_pattern(steps if self.method == "phase_shift" else 1)
         return replace(fringes, period_px=fringes.period_px * scale, waveform=condition.waveform)
 
     def solver(self, rig: StereoRig, condition: Condition, depth_range_m: Range, scale: float = 1.0) -> Solver:
         """Set up the method."""
         pattern = self.pattern(condition, scale)
-        sensor = Reconstructor(rig, pattern, depth_range_m, self.name)
+        settings = Settings(half_mean_steps_px=self.half_mean_steps_px)
+        sensor = Reconstructor(rig, pattern, depth_range_m, self.method, settings=settings)
         return lambda left, right: sensor.reconstruct(left, right).depth_m
 
 
@@ -98,7 +109,12 @@ class DotMethod:
         return lambda left, right: matcher.depth_m(built, left, right)
 
 
-OURS: tuple[Method, ...] = (FringeMethod("dense"), FringeMethod("phase_shift"), FringeMethod("fringe_edges"))
+OURS: tuple[Method, ...] = (
+    FringeMethod("dense"),
+    FringeMethod("phase_shift"),
+    FringeMethod("phase_shift 3x3", half_mean_steps_px=1),
+    FringeMethod("fringe_edges"),
+)
 # Found by tools.bench.dot_scan; a full run scans again.
 PEERS: tuple[DotMethod, ...] = (
     DotMethod("StereoBM", 15, 1.5),

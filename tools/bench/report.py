@@ -31,7 +31,8 @@ Every method sees the same scenes of the paper's rig (640x480), ray-traced with 
 blur, noise and 8 bits, and is scored by the same code, `moire_sim.score`. Depth range 0.5 to 2 m.
 Unless a table says otherwise: fringe or dot amplitude 70 grey levels, ambient light 20, noise 1.5, blur 0.5 px.
 
-Ours: `dense` (one exposure), `phase_shift` (4 steps, each pixel by itself), `fringe_edges` (the paper's method:
+Ours: `dense` (one exposure), `phase_shift` (4 steps, each pixel by itself; `3x3`: averaged with the
+pixels around it on its surface), `fringe_edges` (the paper's method:
 sparse on purpose, so its completeness says nothing). Peers: OpenCV's StereoBM, SGBM 3-way and SGBM HH under random
 dots from the same projector, {settings}.
 Left-right check {left_right} px, uniqueness {uniqueness} %, specks up to {specks} px dropped. OpenCV leaves out the
