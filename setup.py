@@ -30,6 +30,7 @@ DATA_FOLDERS = ("config", "launch", "rviz", "urdf")
 EXECUTABLES = [
     "virtual_head = moire_sim.virtual_head_node:main",
     "reconstruction = moire_sensor.ros.reconstruction_node:main",
+    "moire_demo = moire_sim.demo_node:main",
     "capture_player = moire_sensor.ros.capture_player_node:main",
     "record_bag = moire_sensor.ros.bag_recorder:main",
     "reconstruct_bag = moire_sensor.ros.reconstruct_bag:main",

@@ -3,6 +3,7 @@
 from ament_index_python.packages import get_package_share_path
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.conditions import IfCondition, UnlessCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -17,6 +18,7 @@ ARGUMENTS = {
     "seed": ("0", "of the camera noise"),
     "phase_steps": ("1", "exposures of one programme; 4 for method phase_shift"),
     "method": ("dense", "dense or phase_shift"),
+    "composed": ("false", "head and reconstruction in one process"),
     "rviz": ("false", "also start RViz"),
 }
 
@@ -28,7 +30,8 @@ def argument(name, kind=str):
 
 def generate_launch_description():
     """Nothing is lost in the demo: the reconstruction subscribes reliable and queues."""
-    namespace = LaunchConfiguration("namespace")
+    composed = LaunchConfiguration("composed")
+    common = {"package": "moire_sensor", "namespace": LaunchConfiguration("namespace"), "output": "screen"}
     description = str(get_package_share_path("moire_sensor") / "launch" / "description.launch.py")
     head = {"scene": argument("scene"), "rate_hz": argument("rate_hz", float), "seed": argument("seed", int),
             "phase_steps": argument("phase_steps", int), "frame_prefix": argument("frame_prefix"),
@@ -40,10 +43,10 @@ def generate_launch_description():
                 DeclareLaunchArgument(name, default_value=default, description=text)
                 for name, (default, text) in ARGUMENTS.items()
             ),
-            Node(package="moire_sensor", executable="virtual_head", namespace=namespace, parameters=[head],
-                 output="screen"),
-            Node(package="moire_sensor", executable="reconstruction", namespace=namespace,
-                 parameters=[reconstruction], output="screen"),
+            Node(executable="moire_demo", parameters=[head, reconstruction], condition=IfCondition(composed), **common),
+            Node(executable="virtual_head", parameters=[head], condition=UnlessCondition(composed), **common),
+            Node(executable="reconstruction", parameters=[reconstruction], condition=UnlessCondition(composed),
+                 **common),
             IncludeLaunchDescription(PythonLaunchDescriptionSource(description)),
         ]
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from typing import Any
 
 from rclpy.node import Node
@@ -62,12 +63,15 @@ SPECS = (
 
 
 class VirtualHeadNode(Node):  # type: ignore[misc]
-    """Make an exposure at each tick; the stamp is taken when the exposure starts."""
+    """Make an exposure at each tick; the stamp is taken when the exposure starts.
 
-    def __init__(self) -> None:
+    ``others`` are parameters of other nodes of the process.
+    """
+
+    def __init__(self, others: Collection[str] = ()) -> None:
         super().__init__("virtual_head", namespace=NAMESPACE)
         values = declare(self, SPECS)
-        refuse_unknown(self)
+        refuse_unknown(self, others=others)
         self._values = values
         self._pattern = FringePattern(
             values["period_px"], values["phase_rad"], waveform=values["waveform"]

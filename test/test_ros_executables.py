@@ -7,11 +7,16 @@ import subprocess
 import sysconfig
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from ros_head import Listener, running
 from ros_process import TIMEOUT_S, ros_node
+from sensor_msgs.msg import PointCloud2
+
+from moire_sensor.ros import reconstruction_settings
+from moire_sim import virtual_head_node
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 BAD = {
@@ -35,6 +40,11 @@ BAD = {
         ("-p", "bits:=12"): "allowed are 8 and 16",
         ("-p", "qos_overrides./head/left/image_raw.publisher.history:=3"): "keep_last, keep_all",
         ("-p", "pan_rad:=3.0"): "head_pan_joint",
+    },
+    "moire_demo": {
+        ("-p", "scene:=moon"): "flat_board",
+        ("-p", "method:=magic"): "allowed are dense, phase_shift",
+        ("-p", "scenes:=room"): "unknown parameter scenes",
     },
     "capture_player": {
         (): "give the folder of a capture",
@@ -77,7 +87,7 @@ def test_arguments_that_are_no_ros_arguments_are_refused_and_help_is_given() -> 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("name", ["virtual_head", "reconstruction"])
+@pytest.mark.parametrize("name", ["virtual_head", "reconstruction", "moire_demo"])
 def test_a_signal_ends_a_ready_node_with_0_and_no_traceback(name: str, number: signal.Signals) -> None:
     with running(name, number=number) as process:
         assert process.stdout is not None
@@ -117,3 +127,22 @@ def test_a_node_that_started_by_itself_stays_as_it_was_put_afterwards() -> None:
         assert {state(asker) for _ in range(10)} == {State.PRIMARY_STATE_UNCONFIGURED}
         assert change(asker, Transition.TRANSITION_CONFIGURE)
         assert change(asker, Transition.TRANSITION_ACTIVATE)
+
+
+def test_a_parameter_of_the_demo_belongs_to_one_node_alone() -> None:
+    head, sensor = ({spec.name for spec in specs} for specs in (virtual_head_node.SPECS, reconstruction_settings.SPECS))
+    assert not head & sensor
+
+
+def test_the_demo_runs_both_nodes_in_one_process_and_a_cloud_arrives() -> None:
+    parameters = ("scene:=flat_board:distance_m=0.8", "rate_hz:=2", "wait_for_subscribers:=1", "min_depth_m:=0.6")
+    with ros_node("asker") as node, running("moire_demo", *parameters):
+        asker = Listener(node)
+        asker.listen("points", PointCloud2)
+        asker.wait(lambda: bool(asker.received["points"]), "a cloud")
+        names = {name for name, _ in node.get_node_names_and_namespaces()}
+    assert names >= {"virtual_head", "reconstruction"}
+    cloud = asker.received["points"][0]
+    assert (cloud.height, cloud.width, cloud.header.frame_id) == (480, 640, "head_left_optical_frame")
+    depth_m = np.frombuffer(cloud.data, np.float32).reshape(480, 640, -1)[..., 2]
+    assert np.nanmedian(depth_m) == pytest.approx(0.8, abs=1e-3)

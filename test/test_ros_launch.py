@@ -32,7 +32,7 @@ SPECS: dict[str, tuple[ParameterSpec, ...]] = {
 }
 
 
-OWN_EXECUTABLES = {"virtual_head", "reconstruction", "capture_player"}
+OWN_EXECUTABLES = {"virtual_head", "reconstruction", "capture_player", "moire_demo"}
 OTHERS_EXECUTABLES = {"robot_state_publisher", "static_transform_publisher", "rviz2"}
 LAUNCH_FILES = {path.name.removesuffix(".launch.py") for path in (ROOT / "launch").glob("*.py")}
 HEAD_TOPICS = {"robot_description", "joint_states", *(topic.name for topic in bag_topics.HEAD_TOPICS)}
@@ -145,8 +145,10 @@ def launched(ros2: str, nodes: int, *arguments: str) -> Iterator[None]:
     assert output.count("process has finished cleanly") >= nodes
 
 
-def test_the_demo_launches_gives_depth_and_ends_on_ctrl_c(ros2: str) -> None:
-    with ros_node("listener") as node, launched(ros2, 2, "demo.launch.py", "scene:=flat_board", "rate_hz:=5.0"):
+@pytest.mark.parametrize(("composed", "processes"), [("false", 2), ("true", 1)])
+def test_the_demo_launches_gives_depth_and_ends_on_ctrl_c(ros2: str, composed: str, processes: int) -> None:
+    arguments = ("demo.launch.py", "scene:=flat_board", "rate_hz:=5.0", f"composed:={composed}")
+    with ros_node("listener") as node, launched(ros2, processes, *arguments):
         listener = Listener(node)
         listener.listen("depth/image_rect", Image)
         listener.wait(lambda: bool(listener.received["depth/image_rect"]), "depth", 3 * TIMEOUT_S)

@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any
 
@@ -46,26 +46,29 @@ def let_idle_threads_sleep() -> None:
 
 
 def run_node(make_node: Callable[[], Any], usage: str) -> int:
-    """Make a node, spin it until a signal comes or its work is done, and return the exit code.
+    """Make a node, spin it until a signal comes or its work is done, and return the exit code."""
+    return run_nodes((make_node,), usage)
+
+
+def run_nodes(makers: Sequence[Callable[[], Any]], usage: str) -> int:
+    """Make nodes, spin them in one executor until a signal comes or the work of one is done; return the exit code.
 
     ``usage`` is printed for --help. A node may have ``finished()``, asked after each callback, and ``close()``, called
-    at the end; where it has ``stop_asked``, that is set to a function that tells of a signal. An error that a user can
-    cause is printed as one line and gives 1.
+    at the end, the last made first; where it has ``stop_asked``, that is set to a function that tells of a signal. An
+    error that a user can cause is printed as one line and gives 1.
     """
     if sys.argv[1:] in (["-h"], ["--help"]):
         print(usage.strip())
         return 0
     let_idle_threads_sleep()
     stop = _Stop()
-    node = None
+    nodes: list[Any] = []
     code = 0
     try:
         initialise(sys.argv)
-        node = make_node()
+        _make(makers, nodes, stop)
         stop.raises = False
-        if hasattr(node, "stop_asked"):
-            node.stop_asked = lambda: stop.asked
-        _spin(node, stop)
+        _spin(nodes, stop)
     except KeyboardInterrupt:
         pass
     except USER_ERRORS as error:
@@ -77,15 +80,13 @@ def run_node(make_node: Callable[[], Any], usage: str) -> int:
         code = 1
     except Exception:
         # The signal's exception may have struck inside a library that turned it into its own.
-        if not (stop.asked and node is None):
+        if not (stop.asked and len(nodes) < len(makers)):
             # Not raised again: the interpreter cannot end in peace while a thread still compiles.
             traceback.print_exc()
             code = 1
     finally:
         stop.raises = False
-        if node is not None:
-            getattr(node, "close", bool)()
-            node.destroy_node()
+        _close(nodes)
         rclpy.try_shutdown()
     return _leave(code)
 
@@ -134,10 +135,27 @@ class _Stop:
             raise KeyboardInterrupt
 
 
-def _spin(node: Any, stop: _Stop) -> None:
+def _make(makers: Sequence[Callable[[], Any]], nodes: list[Any], stop: _Stop) -> None:
+    """Make nodes one by one; ``nodes`` holds the first ones also when a later one fails."""
+    for make_node in makers:
+        node = make_node()
+        nodes.append(node)
+        if hasattr(node, "stop_asked"):
+            node.stop_asked = lambda: stop.asked
+
+
+def _close(nodes: Sequence[Any]) -> None:
+    for node in reversed(nodes):
+        getattr(node, "close", bool)()
+        node.destroy_node()
+
+
+def _spin(nodes: Sequence[Any], stop: _Stop) -> None:
     executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    finished = getattr(node, "finished", bool)
-    while not (stop.asked or finished()):
+    for node in nodes:
+        executor.add_node(node)
+    tellers = [node.finished for node in nodes if hasattr(node, "finished")]
+    while not (stop.asked or any(finished() for finished in tellers)):
         executor.spin_once(timeout_sec=WAKE_UP_S)
-    executor.remove_node(node)
+    for node in nodes:
+        executor.remove_node(node)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -100,16 +100,17 @@ def declare(node: Any, specs: Sequence[ParameterSpec]) -> dict[str, Any]:
     return values
 
 
-def refuse_unknown(node: Any, qos: bool = False) -> None:
+def refuse_unknown(node: Any, qos: bool = False, others: Collection[str] = ()) -> None:
     """Raise SettingsError if a value was given for a parameter that the node does not have.
 
-    ``qos`` looks at the names of qos_overrides alone, which are known once the node's topics are; their values are
-    checked without it, before a topic is made with them.
+    ``others`` are names of parameters of other nodes of the same process, which get all values too. ``qos`` looks at
+    the names of qos_overrides alone, which are known once the node's topics are; their values are checked without it,
+    before a topic is made with them.
     """
     if not qos:
         check_qos_values(node)
     for name in node._parameter_overrides:
-        if not node.has_parameter(name) and name.startswith(QOS_PREFIX) == qos:
+        if not (node.has_parameter(name) or name in others) and name.startswith(QOS_PREFIX) == qos:
             known = [known for known in node._parameters if known.startswith(QOS_PREFIX) == qos]
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {near[0]}? " if near else ""

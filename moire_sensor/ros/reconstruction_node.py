@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+from collections.abc import Collection
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -46,13 +47,13 @@ class ReconstructionNode(ManagedNode):
     """Match sets in the executor's thread, reconstruct and publish in one worker thread.
 
     A managed node: configure makes the publishers, activate subscribes; an inactive node neither receives nor
-    publishes. With ``autostart`` it does both by itself.
+    publishes. With ``autostart`` it does both by itself. ``others`` are parameters of other nodes of the process.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, others: Collection[str] = ()) -> None:
         super().__init__("reconstruction", NAMESPACE)
         self._values = declare(self, SPECS)
-        refuse_unknown(self)
+        refuse_unknown(self, others=others)
         self._read(self._values)
         self._intake = SetIntake()
         self._cache = SensorCache()
