@@ -3,7 +3,7 @@ PYTHON ?=
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup demo test check bench help
+.PHONY: setup demo test check bench figures help
 
 setup: ## make .venv and install into it
 	@python="$(or $(PYTHON),python3)"; \
@@ -28,3 +28,7 @@ bench: setup ## accuracy and speed beside other methods, into docs/bench.md
 
 help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile | sort | expand -t 10
+
+# CAPTURE=folder shows a recorded capture instead, in demo/figures. Idle kernel threads sleep, as in the executables.
+figures: setup ## the paper's experiments, into docs/figures.md
+	@OMP_WAIT_POLICY=passive $(BIN)/python -m tools.figures.run $(if $(CAPTURE),--capture "$(CAPTURE)")

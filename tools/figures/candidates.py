@@ -85,7 +85,9 @@ def candidates_of(rig: StereoRig, column: int, row: int, phase_rad: float, left_
     left = column + rig.disparity_px(depth)
     # The whole row's phase, unwrapped, is straight between neighbouring pixels.
     seen = np.interp(left, np.arange(left_row_rad.size), np.unwrap(left_row_rad))
-    geometry = phase_seen_rad(projector, "left", left, np.full_like(left, y), board_px)
+    exact_rad = TURN * (true_turns + np.round(turns - true_turns))
+    exact_left = x + disparity_on_ray_px(projector, "right", x, y, exact_rad)
+    geometry = phase_seen_rad(projector, "left", exact_left, np.full_like(left, y), board_px)
     return OnePixel(
         column_px=column,
         row_px=row,
@@ -130,6 +132,7 @@ def draw_pixel(result: OnePixel, path: Path) -> None:
     )
     bars.plot(names, np.abs(result.expected_deg), "k_", ms=22, label="from the geometry")
     bars.set(title="left picture's phase against the pixel's", ylabel="|mismatch| (degrees)", ylim=(0, 180))
+    bars.tick_params(axis="x", labelsize=8)
     bars.legend(fontsize=8)
     save(figure, path)
 

@@ -54,7 +54,7 @@ def draw_cloud(
         axes.scatter(x, z, -y, c=z, s=1.2, cmap=DEPTH_MAP, vmin=near, vmax=far, linewidths=0, depthshade=False)
         limits = [span(x, 0.0, LEAST_AXIS_M), depth_limits_m, span(-y, 0.0, LEAST_AXIS_M)]
         axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2])
-        axes.set_box_aspect([high - low for low, high in limits])
+        axes.set_box_aspect([high - low for low, high in limits], zoom=0.85)
     else:
         axes.text2D(0.5, 0.5, "all points lie outside", transform=axes.transAxes, ha="center")
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):

@@ -95,27 +95,36 @@ def draw_capture(result: CaptureResult, path: Path) -> None:
     draw_sheet(Sheet(left, right, None, columns, rig, limits, ERROR_LIMIT_MM, "depth - phase_shift"), path)
 
 
+def shift_px(result: CaptureResult, method: str) -> Depth:
+    """Disparity minus that of the phase steps (N,), where the fringes are strong and both are known."""
+    rig = result.capture.rig
+    found, steps = (rig.disparity_px(result.depths_m[name][result.strong]) for name in (method, "phase_shift"))
+    return np.asarray((found - steps)[np.isfinite(found - steps)])
+
+
+def row_of(result: CaptureResult, method: str) -> tuple[str, ...]:
+    """Completeness of a method and its differences from the phase steps."""
+    known = np.isfinite(result.depths_m[method])[result.strong]
+    difference = np.abs(result.difference_mm(method)[result.strong])
+    difference = difference[np.isfinite(difference)]
+    figures = ("-", "-", "-")
+    if difference.size:
+        wrong = percent(float((difference > WRONG_M * 1e3).mean()))
+        shift = f"{float(np.median(shift_px(result, method))):+.2f}"
+        figures = (number(float(np.median(difference)), 2), wrong, shift)
+    return method, percent(float(known.mean())), *figures
+
+
 def experiment(result: CaptureResult) -> Experiment:
     """Tell how the methods agree."""
-    rows = []
-    for method in METHODS:
-        known = np.isfinite(result.depths_m[method])
-        difference = np.abs(result.difference_mm(method)[result.strong])
-        difference = difference[np.isfinite(difference)]
-        rows.append(
-            (
-                method,
-                percent(float(known[result.strong].mean())),
-                number(float(np.median(difference)), 2) if difference.size else "-",
-                percent(float((difference > WRONG_M * 1e3).mean())) if difference.size else "-",
-            )
-        )
     note = (
         f"Where the fringes are strong (amplitude above {STRONG_MODULATION:.0f} grey levels); differences from "
-        "phase_shift."
+        "phase_shift. Median shift: disparity minus that of phase_shift. `fringe_edges` measures between the cameras "
+        "alone, the others from whichever views the rig's geometry favours: a shift of all its points tells that the "
+        "cameras do not fit the projector (calibration, or exposures at different times)."
     )
-    columns = ("method", "complete %", "median difference mm", "more than 5 mm apart %")
-    table = Table("Methods on the capture", note, columns, tuple(rows))
+    columns = ("method", "complete %", "median difference mm", "more than 5 mm apart %", "median shift px")
+    table = Table("Methods on the capture", note, columns, tuple(row_of(result, method) for method in METHODS))
     text = (
         f"`phase_shift` takes the first {frames_used(result.capture)} frames; the other methods take frame "
         f"{middle_frame(result.capture)} of these alone, at whose time its result is valid. `reference_plane` compares "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -103,7 +104,7 @@ def measure() -> Plan:
     )
 
 
-def draw(path: Path) -> None:
+def draw(numbers: Plan, path: Path) -> None:
     """Plan to scale, and the head itself enlarged."""
     figure = Figure(figsize=(9.5, 8.0), layout="constrained")
     plan, close = figure.subplots(1, 2, width_ratios=(3, 2))
@@ -118,6 +119,10 @@ def draw(path: Path) -> None:
     for crest in np.arange(0.0, PROJECTOR_SIZE[0], 4 * PERIOD_PX):
         plan.plot(PROJECTOR.x_at(crest, depths) * 1e3, depths * 1e3, color=GREEN, lw=0.4)
     plan.axhline(REFERENCE_DEPTH_M * 1e3, color=GREY, ls="--")
+    plan.axhline(numbers.lit_from_m * 1e3, color=GREY, ls=":")
+    plan.annotate(
+        f"both views lit from {numbers.lit_from_m * 1e3:.0f} mm on", (230, numbers.lit_from_m * 1e3 + 12), fontsize=8
+    )
     plan.annotate("reference plane, 1500 mm", (-640, 1515), fontsize=8)
     plan.set(
         title="to scale (every fourth fringe)", xlabel="x (mm)", ylabel="z (mm)", xlim=(-650, 750), ylim=(-60, 1650)
@@ -145,4 +150,4 @@ def experiment(plan: Plan) -> Experiment:
         f"{plan.pitch_m * 1e3:.2f} mm, {number(PERIOD_PX, 2)} px, {plan.fringes:.1f} fringes across a view",
         "yes, by construction",
     )
-    return Experiment("fig08_rig", "Figure 8: the rig", text, (table,), (claim,), draw)
+    return Experiment("fig08_rig", "Figure 8: the rig", text, (table,), (claim,), partial(draw, plan))
