@@ -121,7 +121,7 @@ def draw(numbers: Plan, path: Path) -> None:
     plan.axhline(REFERENCE_DEPTH_M * 1e3, color=GREY, ls="--")
     plan.axhline(numbers.lit_from_m * 1e3, color=GREY, ls=":")
     plan.annotate(
-        f"both views lit from {numbers.lit_from_m * 1e3:.0f} mm on", (230, numbers.lit_from_m * 1e3 + 12), fontsize=8
+        f"both views lit from {numbers.lit_from_m * 1e3:.0f} mm on", (-640, numbers.lit_from_m * 1e3 + 12), fontsize=8
     )
     plan.annotate("reference plane, 1500 mm", (-640, 1515), fontsize=8)
     plan.set(
