@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import ast
 import re
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
 import pytest
 from source_scan import ROOT
+from test_ros_diagnostics import CONCERNS
 
 from moire_sensor.ros import bag_recorder, bag_topics, capture_player_node, reconstruction_settings
 from moire_sensor.ros.result_messages import TOPICS
+from moire_sensor.ros.thresholds import Thresholds
 from moire_sim import virtual_head_node
 
 PAGES = sorted(str(path.relative_to(ROOT)) for path in (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")))
@@ -91,6 +94,17 @@ def test_the_readme_names_every_topic() -> None:
     assert set(TOPICS) <= named
     for group in bag_topics.GROUPS.values():
         assert {topic.name for topic in group} <= named
+
+
+def test_the_page_of_the_node_names_what_cannot_change_every_concern_and_every_threshold() -> None:
+    page = text_of("docs/node.md")
+    section = page.partition("## Parameters")[2].partition("\n## ")[0]
+    assert set(re.findall(r"`(\w+)`", section)) - {"qos_overrides"} == {
+        spec.name for spec in reconstruction_settings.SPECS if spec.read_only
+    }
+    section = page.partition("## Diagnostics")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `([\w ]+)` \|", section, flags=re.MULTILINE)) == set(CONCERNS)
+    assert {item.name for item in fields(Thresholds)} <= set(re.findall(r"`(\w+)`", section))
 
 
 @pytest.mark.parametrize("page", PAGES)
