@@ -92,7 +92,8 @@ def test_the_driver_gives_one_stamp_and_the_step_though_a_frame_is_lost(folder: 
             play(drivers, cameras)
         finally:
             program.terminate()
-            program.wait(TIMEOUT_S)
+            code = program.wait(TIMEOUT_S)
+    assert code == 0
     error_mm = np.abs(pixels(drivers.received["depth/image_rect"][-1]) - true_points_m()[..., 2])[in_view(MARGIN_PX)]
     assert np.isfinite(error_mm).mean() >= 0.98
     # One pixel in four steps: 0.33 mm at 1 m; twice that.
