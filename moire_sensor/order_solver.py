@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from numba import get_num_threads
 
 from moire_sensor.order_cost import OrderCosts
 from moire_sensor.order_path import OrderPaths
@@ -11,12 +12,13 @@ from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.scratch import scratch
 
 Int8 = npt.NDArray[np.int8]
 
 
 class OrderSolver:
-    """Chooses among the candidate orders; owns all its memory, so results last until the next :meth:`solve`.
+    """Chooses among the candidate orders; its results last until another solver of the thread works.
 
     Parameters
     ----------
@@ -28,11 +30,17 @@ class OrderSolver:
     def __init__(
         self, carriers: tuple[Carrier, Carrier], projector: ProjectorMap, orders: OrderRange, jump_cost: float
     ) -> None:
-        height, width = carriers[0].phase_rad.shape
+        self._shape = carriers[0].phase_rad.shape
         self._costs = OrderCosts(carriers, projector, orders)
-        self._paths = OrderPaths((width, height), orders.count, jump_cost)
-        self._runner_up = np.full((height, width), -1, dtype=np.int8)
-        self._second = np.full((height, width), -1, dtype=np.int8)
+        self._labels, self._jump_cost = orders.count, jump_cost
+        self._runner_up: Int8 = np.full((1, 1), -1, dtype=np.int8)
+
+    @property
+    def _paths(self) -> OrderPaths:
+        """The programmes' memory, shared in the thread."""
+        height, width = self._shape
+        key = ("paths", self._shape, self._labels, self._jump_cost, get_num_threads())
+        return scratch(key, lambda: OrderPaths((width, height), self._labels, self._jump_cost))
 
     def solve(
         self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], shading_rad: float
@@ -44,13 +52,13 @@ class OrderSolver:
         phases, greys : of the left and right camera, (H, W).
         shading_rad : mismatch of phases that shading explains, radians.
         """
-        self._costs.fill(phases, greys, shading_rad, self._paths.cost)
-        label, self._runner_up, margin = self._paths.solve(phases[0].offset_rad)
+        paths = self._paths
+        self._costs.fill(phases, greys, shading_rad, paths.cost)
+        label, self._runner_up, margin = paths.solve(phases[0].offset_rad)
         return label, margin
 
     def second(self, refused: npt.NDArray[np.bool_]) -> Int8:
         """Return the second cheapest label (H, W) where the first was refused, -1 elsewhere or where there is none."""
         # By arithmetic, since a masked copy takes five times as long: -1 has all bits set.
-        np.subtract(refused.view(np.int8), 1, out=self._second)
-        np.bitwise_or(self._second, self._runner_up, out=self._second)
-        return self._second
+        second = np.subtract(refused.view(np.int8), 1)
+        return np.bitwise_or(second, self._runner_up, out=second)

@@ -23,6 +23,7 @@ from moire_sensor.phase_single import phase_from_single
 from moire_sensor.phase_steps import StepFilter, phase_from_steps
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
+from moire_sensor.scratch import scratch
 from moire_sensor.settings import Settings
 from moire_sensor.shot import Shot, Status
 
@@ -59,7 +60,6 @@ class PhasePipeline:
             Carrier.left(self._projector, rig.image_size, middle, settings.half_height_px),
             Carrier.right(self._projector, rig.image_size, middle, settings.half_height_px),
         )
-        self._buffers = np.empty((2, 6, *self._carriers[0].cos.shape), dtype=np.float32)
         self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
         # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
         starting = min(settings.alignment_px, START_ALIGNMENT_PX)
@@ -70,6 +70,11 @@ class PhasePipeline:
         self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
         self._solver = OrderSolver(self._carriers, self._projector, self._orders, settings.jump_cost)
 
+    def _buffers(self, planes: int) -> Float32:
+        """Memory for the phases of both cameras, (2, planes, H, W)."""
+        shape = (2, planes, *self._carriers[0].cos.shape)
+        return scratch(("phases", shape), lambda: np.empty(shape, dtype=np.float32))
+
     def example(self, frame_count: int) -> npt.NDArray[np.uint8]:
         """Fringe images (n, H, W) that both cameras could see, to warm up the kernels."""
         cos = self._carriers[0].cos
@@ -78,18 +83,20 @@ class PhasePipeline:
     def from_single(self, left: Float32, right: Float32, first_step: int) -> Shot:
         """Depth of one exposure: images (H, W) float32, grey levels of 255."""
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
+        buffers = self._buffers(3)
         phases = (
-            phase_from_single(left, self._carriers[0], step_rad, self.settings, self._buffers[0, :3]),
-            phase_from_single(right, self._carriers[1], step_rad, self.settings, self._buffers[1, :3]),
+            phase_from_single(left, self._carriers[0], step_rad, self.settings, buffers[0]),
+            phase_from_single(right, self._carriers[1], step_rad, self.settings, buffers[1]),
         )
         return self._depth(phases, (left, right), single=True)
 
     def from_steps(self, left: Float32, right: Float32, first_step: int) -> Shot:
         """Depth of shifted exposures at the middle of their time: images (n, H, W) float32, grey levels of 255."""
         steps = StepFilter.build(self.pattern.step_phases_rad, first_step, left.shape[0])
+        buffers = self._buffers(6)
         phases = (
-            phase_from_steps(left, self._carriers[0], steps, self.settings, self._buffers[0]),
-            phase_from_steps(right, self._carriers[1], steps, self.settings, self._buffers[1]),
+            phase_from_steps(left, self._carriers[0], steps, self.settings, buffers[0]),
+            phase_from_steps(right, self._carriers[1], steps, self.settings, buffers[1]),
         )
         middle = left.shape[0] // 2
         return self._depth(phases, (left[middle], right[middle]), single=False)

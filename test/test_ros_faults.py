@@ -23,7 +23,7 @@ DEPTH = "depth/image_rect"
 CAPTURE = analytic_capture("plane_1000")
 WIDE = analytic_capture("plane_1000", bits=16)
 # Sets that settle what a process keeps once, and sets that must not add to it.
-SETTLING, DAMAGED = 60, 300
+SETTLING, DAMAGED = 160, 300
 KEPT_BYTES = 5_000_000
 # Fewer than the subscriptions' queues hold.
 SENT_AT_ONCE = 6

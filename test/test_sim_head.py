@@ -219,15 +219,20 @@ def test_grey_levels_follow_the_options() -> None:
     assert middle.min() == 30
 
 
+INDOOR = ("corridor_with_boxes", "doorway", "table_edge")
+
+
 @pytest.mark.parametrize("scene", scene_names())
 def test_every_scene_is_a_fair_task(scene: str) -> None:
+    """Table scenes lie within the default depth range; indoor ones go on to 6 m, and many rays meet nothing."""
+    indoor = scene in INDOOR
     with VirtualHead(scene) as head:
         capture = head.capture(paper_pattern())
     assert capture.left.dtype == np.uint8
-    assert np.isfinite(capture.depth_m).all()
-    assert capture.depth_m.min() > 0.55
-    assert capture.depth_m.max() < 1.9
-    assert capture.covisible.mean() > 0.7
+    assert indoor or np.isfinite(capture.depth_m).all()
+    assert np.nanmin(capture.depth_m) > 0.55
+    assert np.nanmax(capture.depth_m) < (6.0 if indoor else 1.9)
+    assert capture.covisible.mean() > (0.05 if indoor else 0.7)
     assert not np.any(capture.covisible & ~capture.lit)
     assert max(capture.left.max(), capture.right.max()) < 250
 

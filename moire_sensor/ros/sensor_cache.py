@@ -14,7 +14,7 @@ from moire_sensor.rectify import RectifiedPair
 from moire_sensor.ros.reconstruction_settings import SensorSettings
 
 # A dense programme has a pattern for each step; more than this many at once is a head that never repeats itself.
-KEPT_SENSORS = 16
+KEPT_SENSORS = 8
 
 
 @dataclass(frozen=True)
