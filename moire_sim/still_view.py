@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,26 +13,33 @@ from moire_sensor.rig import StereoRig
 from moire_sim.device_view import DeviceView, visible_share
 from moire_sim.fringe_image import LIT_SHARE, Surfaces, light_surfaces
 
+Array = npt.NDArray[np.float64]
+
 if TYPE_CHECKING:
     from moire_sim.render_geometry import GeometryRenderer
 
 
 @dataclass(frozen=True, eq=False)
 class StillView:
-    """Everything that stays while neither the scene nor the head moves."""
+    """Everything that stays while neither the scene nor the head moves; ``right_depth_m`` is the right view's own."""
 
     left: Surfaces
     right: Surfaces
     depth_m: npt.NDArray[np.float32]
-    covisible: npt.NDArray[np.bool_]
+    right_view: DeviceView
+    right_depth_m: Array
+
+    @cached_property
+    def covisible(self) -> npt.NDArray[np.bool_]:
+        """Pixels (H, W) of the left view that are lit and seen by both cameras; only the truth's users need them."""
+        seen = visible_share(self.right_view, self.right_depth_m, self.left.points_m, self.left.planes)
+        return self.left.lit & (seen >= LIT_SHARE)
 
 
 def still_view(renderer: GeometryRenderer, rig: StereoRig, views: tuple[DeviceView, ...]) -> StillView:
-    """Render the cameras and the projector and work out light, shadow and visibility."""
+    """Render the cameras and the projector and work out light and shadow."""
     left_view, right_view, projector = views
     left, right, lamp = (renderer.render(view) for view in views)
     left_surfaces = light_surfaces(rig, left_view, left.depth_m, left.albedo, projector, lamp.depth_m)
     right_surfaces = light_surfaces(rig, right_view, right.depth_m, right.albedo, projector, lamp.depth_m)
-    seen_right = visible_share(right_view, right.depth_m, left_surfaces.points_m, left_surfaces.planes)
-    covisible = left_surfaces.lit & (seen_right >= LIT_SHARE)
-    return StillView(left_surfaces, right_surfaces, left.depth_m.astype(np.float32), covisible)
+    return StillView(left_surfaces, right_surfaces, left.depth_m.astype(np.float32), right_view, right.depth_m)
