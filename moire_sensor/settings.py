@@ -51,7 +51,7 @@ class Settings:
     )
     max_misfit: float = setting(0.2, 0.0, 1.0, "largest grey-level difference of matched views, fringe amplitudes")
     max_border_misfit: float = setting(
-        0.15, 0.0, 1.0, "largest grey-level difference of a pixel beside an edge, fringe amplitudes"
+        0.165, 0.0, 1.0, "largest grey-level difference of a pixel beside an edge, fringe amplitudes"
     )
     half_height_grey_px: int = setting(7, 0, 50, "rows above and below that a match of grey levels takes in, pixels")  # type: ignore[assignment]
     half_mean_steps_px: int = setting(  # type: ignore[assignment]
