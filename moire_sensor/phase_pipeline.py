@@ -60,6 +60,7 @@ class PhasePipeline:
             Carrier.left(self._projector, rig.image_size, middle, settings.half_height_px),
             Carrier.right(self._projector, rig.image_size, middle, settings.half_height_px),
         )
+        self._rad_per_px = float(np.median(np.abs(self._carriers[0].rad_per_px)))
         self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
         # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
         starting = min(settings.alignment_px, START_ALIGNMENT_PX)
@@ -115,7 +116,7 @@ class PhasePipeline:
             drop_slivers(match.disparity_px, self._carriers[0].half_width_px // 2 if single else SLIVER_STEPS_PX)
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
         if self._by_stereo:
-            match = extend(match, greys, phases[0], self._projector, self.settings)
+            match = extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
         return self._shot(phases, match, margin, np.isfinite(match.disparity_px))
 
     def _refine(

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from dense_rigs import Array, Float32
 
 from moire_sensor import depth_border as border
+from moire_sensor import depth_offer as fit
 from moire_sensor.depth_refine import Match
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.phase_image import PhaseImage
@@ -18,7 +19,7 @@ from moire_sensor.settings import Settings
 Mask = npt.NDArray[np.bool_]
 NOISE = 1.5
 AMPLITUDE, BACKGROUND = 70.0, 90.0
-RIM = border.RIM_PX
+RIM = fit.RIM_PX
 PROJECTOR = ProjectorMap.build(paper_rig(), paper_pattern())
 
 
@@ -104,7 +105,7 @@ def slow_trusted(disparity: Float32) -> Mask:
 
 
 def slow_claims(disparity: Float32, trust: Mask) -> Float32:
-    claim = np.full(disparity.shape, border.NO_CLAIM, dtype=np.float32)
+    claim = np.full(disparity.shape, fit.NO_CLAIM, dtype=np.float32)
     for y, x in np.argwhere(trust):
         falls = float(np.float32(x) - disparity[y, x])
         for column in (int(np.floor(falls)), int(np.floor(falls)) + 1):
@@ -139,7 +140,7 @@ def slow_row_match(
     at = np.arange(max(first, 0), min(last, width - 1) + 1)
     seen = at - (plane[0] + plane[1] * (at - x))
     at, seen = at[(seen >= 1.0) & (seen < width - 2)], seen[(seen >= 1.0) & (seen < width - 2)]
-    if at.size < border.ROW_SPAN_PX // 2:
+    if at.size < fit.ROW_SPAN_PX // 2:
         return 0.0, 0.0, np.inf
     slopes = np.interp(seen, np.arange(width), np.gradient(right))
     differences = left[at] - np.interp(seen, np.arange(width), right)
@@ -154,7 +155,7 @@ def is_taken(claim: Float32, y: int, x: int, disparity: float) -> bool:
     column = int(np.floor(x - disparity + 0.5))
     if not 0 <= column < claim.shape[1]:
         return True
-    return bool(claim[y, column] > border.NO_CLAIM and abs(claim[y, column] - disparity) > border.SAME_SURFACE_PX)
+    return bool(claim[y, column] > fit.NO_CLAIM and abs(claim[y, column] - disparity) > fit.SAME_SURFACE_PX)
 
 
 def slow_neighbours(trust: Mask, y: int, x: int) -> list[tuple[int, int]]:
@@ -183,16 +184,16 @@ def slow_offer(
     d = float(disparity[y0, x0]) + along * (x - x0) + across * (y - y0)
     phase_rad = float(PROJECTOR.phase_rad_at(np.array(float(x)), np.array(float(y)), d))
     lacks = BACKGROUND + AMPLITUDE * np.cos(phase_rad) - float(views[0][y, x])
-    if lacks > border.DIM_SHARE * AMPLITUDE + 3 * NOISE or -lacks > border.GLARE_SHARE * AMPLITUDE + 3 * NOISE:
+    if lacks > fit.DIM_SHARE * AMPLITUDE + 3 * NOISE or -lacks > fit.GLARE_SHARE * AMPLITUDE + 3 * NOISE:
         return None
     if abs(d - disparity[y, x]) < border.JUMP_PX:
         return None
-    first = {True: x, False: x - border.ROW_SPAN_PX}[x0 > x] if x0 != x else x - border.ROW_SPAN_PX // 2
-    shift, power, variance = slow_row_match(views, y, x, (d, along, across), first, first + border.ROW_SPAN_PX)
+    first = {True: x, False: x - fit.ROW_SPAN_PX}[x0 > x] if x0 != x else x - fit.ROW_SPAN_PX // 2
+    shift, power, variance = slow_row_match(views, y, x, (d, along, across), first, first + fit.ROW_SPAN_PX)
     fringe_power = 0.5 * (AMPLITUDE * PROJECTOR.rad_per_column) ** 2
-    if power < border.LEAST_POWER * fringe_power or abs(shift) > border.LARGEST_MOVE_PX:
+    if power < fit.LEAST_POWER * fringe_power or abs(shift) > fit.LARGEST_MOVE_PX:
         return None
-    d += shift if abs(shift) > border.MOVE_PX else 0.0
+    d += shift if abs(shift) > fit.MOVE_PX else 0.0
     if is_taken(claim, y, x, d):
         return None
     return slow_difference(views, y, x, (d, along, across)) / AMPLITUDE, d, float(np.sqrt(variance))

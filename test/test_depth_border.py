@@ -25,6 +25,7 @@ from border_scene import (
 from dense_rigs import Array, Float32
 
 from moire_sensor import depth_border as border
+from moire_sensor import depth_offer as fit
 from moire_sensor.depth_refine import Match
 from moire_sensor.settings import Settings
 
@@ -65,7 +66,7 @@ def test_claims_are_those_of_the_nearest_trusted_surface() -> None:
 def test_small_difference_is_that_of_the_best_window(plane: tuple[float, float, float]) -> None:
     views = SCENE.views()
     disparity, along, across = (np.float32(part) for part in plane)
-    differ = interpreted(border.small_difference)
+    differ = interpreted(fit.small_difference)
     corners = [(y, x) for y in (0, 1, 30, 59) for x in (0, 1, 3, 11, 13, 90, 150, 216, 219)]
     for y, x in corners:
         found = differ(*views, y, x, disparity, along, across, np.float32(AMPLITUDE))
@@ -75,7 +76,7 @@ def test_small_difference_is_that_of_the_best_window(plane: tuple[float, float, 
 @pytest.mark.parametrize("plane", [(12.3, 0.0, 0.0), (14.0, 0.2, 0.0), (-6.5, -0.1, 0.0)])
 def test_row_match_is_least_squares(plane: tuple[float, float, float]) -> None:
     views = SCENE.views()
-    matched = interpreted(border.row_match)
+    matched = interpreted(fit.row_match)
     for y in (0, 30, 59):
         for x in (0, 3, 14, 90, 150, 204, 212, 219):
             for first in (x - 10, x - 5, x):
@@ -87,7 +88,7 @@ def test_a_shifted_row_is_matched_by_its_shift() -> None:
     scene = replace(SCENE, noise=0.0, rows=(0, 0), shadow_px=0)
     y, x = 30, 100
     truth = float(scene.disparity_px[y, x])
-    matched = interpreted(border.row_match)
+    matched = interpreted(fit.row_match)
     for off in (-0.4, 0.0, 0.3):
         shift, _, variance = matched(*scene.views(), y, x, np.float32(truth + off), np.float32(0.01), x - 5, x + 5)
         # One step of Newton's on a cosine of 16.7 px: the square of the step times its curvature.
@@ -124,7 +125,7 @@ def lost_rims(scene: Scene, rim_px: int) -> Array:
 
 
 def extended(scene: Scene, match: Match) -> Match:
-    return border.extend(match, scene.views(), scene.phase(), PROJECTOR, Settings())
+    return border.extend(match, scene.views(), scene.phase(), PROJECTOR, PROJECTOR.rad_per_column, Settings())
 
 
 def images(match: Match) -> Array:
@@ -198,7 +199,7 @@ def test_a_rim_given_to_the_wrong_surface_changes_sides() -> None:
     wrong[SCENE.hidden | SCENE.shadow] = np.nan
     match = extended(SCENE, SCENE.match(wrong))
     off = ~(np.abs(match.disparity_px - SCENE.disparity_px) <= 1.0)
-    for part, rows_px in ((carried, border.RIM_PX + 1), (bled, 1)):
+    for part, rows_px in ((carried, fit.RIM_PX + 1), (bled, 1)):
         judged = part & away_from_horizontal_edges(SCENE, rows_px)
         assert judged.sum() > 80
         assert off[judged].mean() < 0.05
