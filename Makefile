@@ -12,6 +12,7 @@ setup: ## make .venv and install into it
 	"$$python" tools/setup_env.py $(if $(PYTHON),--selected)
 
 demo: setup ## run head and reconstruction, check the depth, write demo/report.html; CAPTURE=folder plays a capture
+	@$(BIN)/python -m tools.warm_kernels
 	@$(BIN)/python -m tools.demo.run $(if $(CAPTURE),--capture "$(CAPTURE)")
 
 check: setup ## lint and types
@@ -19,6 +20,7 @@ check: setup ## lint and types
 	$(BIN)/mypy
 
 test: check ## lint, types and all tests
+	@$(BIN)/python -m tools.warm_kernels
 	$(BIN)/pytest
 
 # BENCH="--parts scenes --scenes waves" measures a part; BENCH=--help tells all options.
