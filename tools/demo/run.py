@@ -28,6 +28,9 @@ from tools.demo.score import local_median, read_images, score_capture, score_sce
 from tools.demo.table import Outcome, as_text, lost_sets
 from tools.ros_domain import isolate_ros
 
+# Rooms go on beyond the default depth range; test/test_nav_costmap.py judges them.
+INDOOR = ("corridor_with_boxes", "doorway", "table_edge")
+
 OUTPUT = Path("demo")
 RATE_HZ = 10.0
 SCENE_EXPOSURES = 25
@@ -100,7 +103,7 @@ def record_with_progress(run: Run) -> Recording:
 
 def run_scenes() -> list[tuple[Outcome, View]]:
     """Run every scene of the simulator."""
-    return [run_scene(scene) for scene in scene_names()]
+    return [run_scene(scene) for scene in scene_names() if scene not in INDOOR]
 
 
 def run_scene(scene: str) -> tuple[Outcome, View]:
