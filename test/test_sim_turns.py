@@ -23,16 +23,15 @@ def test_the_next_turn_lies_at_its_share_of_the_period(
 
 def test_two_heads_take_turns_and_name_their_own_frames() -> None:
     """At one exposure a second, what a busy machine adds to a stamp stays far below the half second between them."""
-    common = ("rate_hz:=1.0", "frames:=3")
     with ros_node("listener") as node:
         listener = Listener(node)
         for name in ("a", "b"):
             listener.listen(f"/{name}/left/image_raw", Image)
             listener.listen(f"/{name}/right/camera_info", CameraInfo)
-        heads = [
-            start("virtual_head", *common, f"start_offset:={share}", f"frame_prefix:={name}/", namespace=f"/{name}")
-            for name, share in (("a", 0.0), ("b", 0.5))
-        ]
+        heads = []
+        for name, share in (("a", 0.0), ("b", 0.5)):
+            parameters = ("rate_hz:=1.0", f"start_offset:={share}", f"frame_prefix:={name}/")
+            heads.append(start("virtual_head", *parameters, namespace=f"/{name}"))
         try:
             listener.wait(lambda: all(len(kept) >= 2 for kept in listener.received.values()), "two exposures of each")
         finally:

@@ -15,10 +15,9 @@ from tqdm import tqdm
 
 from moire_sensor.capture_folder import Capture, read_capture
 from moire_sensor.errors import MoireError
-from moire_sensor.paper_rig import paper_pattern, paper_rig
-from moire_sensor.reconstructor import Reconstructor
-from moire_sensor.ros.executable import use_large_message_profile
+from moire_sensor.paper_rig import paper_pattern
 from moire_sensor.phase_steps import needed_frames
+from moire_sensor.ros.executable import use_large_message_profile
 from moire_sim import VirtualHead, scene_names
 from moire_sim.capture import HeadCapture
 from tools.demo.pictures import View, draw_overview
@@ -46,7 +45,6 @@ def main() -> int:
     try:
         prepare(OUTPUT)
         capture = folder and read_capture(folder)
-        compile_kernels()
         lock = isolate_ros()
         use_large_message_profile()
         rclpy.init()
@@ -84,19 +82,12 @@ def prepare(output: Path) -> None:
     marker.touch()
 
 
-def compile_kernels() -> None:
-    """Compile the kernels here, once, so that the nodes of every run load them in a moment."""
-    print("demo: compiling the kernels, up to a minute the first time", flush=True)
-    for method, steps in (("dense", 1), ("phase_shift", 4)):
-        Reconstructor(paper_rig(), paper_pattern(steps), method=method).warm_up()
-
-
 def record_with_progress(run: Run) -> Recording:
     """Record one run with a progress bar on the terminal."""
     node = rclpy.create_node("demo_recorder", namespace="head")
     try:
         with tqdm(total=run.exposures, desc=f"{run.name} ({run.method})", unit="depth", ncols=100) as bar:
-            return record(run, node, OUTPUT / run.name, lambda count: bar.update(count - bar.n) if count > bar.n else None)
+            return record(run, node, OUTPUT / run.name, lambda count: bar.update(max(count - bar.n, 0)))
     finally:
         node.destroy_node()
 
