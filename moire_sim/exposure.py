@@ -51,11 +51,14 @@ def noise_generator(seed: int, exposure_index: int, camera: int) -> np.random.Ge
 def exposed(
     image: Image, noise: float, generator: np.random.Generator, bits: int = 8
 ) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
-    """Add Gaussian noise of ``noise`` 8-bit grey levels and round to ``bits`` (8 or 16) bits.
-
-    16 bit images use the full range: one 8-bit grey level is 257 counts.
-    """
+    """Add Gaussian noise of ``noise`` 8-bit grey levels and round to ``bits``, see :func:`quantised`."""
     noisy = image if noise <= 0.0 else image + noise * generator.standard_normal(image.shape, dtype=np.float32)
+    return quantised(noisy, bits)
+
+
+def quantised(image: Image, bits: int) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
+    """Round 8-bit grey levels (H, W) to ``bits``: 8 gives uint8, 12 and 16 give uint16, white at 4095 and 65535."""
     if bits == 8:
-        return np.asarray(cv2.convertScaleAbs(np.maximum(noisy, 0.0)), dtype=np.uint8)
-    return np.clip(noisy * 257.0 + 0.5, 0.0, 65535.0).astype(np.uint16)
+        return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0)), dtype=np.uint8)
+    white = float(2**bits - 1)
+    return np.clip(image * (white / 255.0) + 0.5, 0.0, white).astype(np.uint16)

@@ -74,8 +74,8 @@ def sentence(outcome: Outcome) -> str:
     result = outcome.result
     if isinstance(result, SceneResult):
         return (
-            f"The worst of {len(result.scores)} depth images has a depth on {result.completeness:.1%} of the pixels that "
-            f"the projector lights and both cameras see; {result.outlier_share:.2%} of them are off by more than one "
+            f"The worst of {len(result.scores)} depth images has a depth on {result.completeness:.1%} of the pixels "
+            f"that the projector lights and both cameras see; {result.outlier_share:.2%} of them are off by more than one "
             f"pixel of disparity; the median error is {result.median_error_mm:.2f} mm scaled to 1 m."
         )
     return (

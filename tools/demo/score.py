@@ -56,7 +56,8 @@ class SceneResult:
         if not self.completeness >= MIN_COMPLETENESS:
             found.append(f"completeness {self.completeness:.4f}, at least {MIN_COMPLETENESS} is demanded")
         if not self.outlier_share <= MAX_OUTLIER_SHARE:
-            found.append(f"share off by more than 1 px {self.outlier_share:.4f}, at most {MAX_OUTLIER_SHARE} is allowed")
+            allowed = f"at most {MAX_OUTLIER_SHARE} is allowed"
+            found.append(f"share off by more than 1 px {self.outlier_share:.4f}, {allowed}")
         if not self.median_error_mm <= MAX_MEDIAN_ERROR_MM:
             found.append(f"median error {self.median_error_mm:.3f} mm at 1 m, at most {MAX_MEDIAN_ERROR_MM} is allowed")
         return found
