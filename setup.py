@@ -26,6 +26,8 @@ DEV_REQUIRES = [
     "ruff",
     "types-PyYAML",
 ]
+# Not in package.xml: rosdep knows no key for it.
+DOCS_REQUIRES = ["mkdocs-material"]
 DATA_FOLDERS = ("config", "launch", "rviz", "urdf")
 EXECUTABLES = [
     "virtual_head = moire_sim.virtual_head_node:main",
@@ -49,7 +51,7 @@ setup(
     python_requires=">=3.11,<3.14",
     install_requires=INSTALL_REQUIRES,
     # reconstruct_bag --scheduler works on a Dask cluster.
-    extras_require={"dev": DEV_REQUIRES, "cluster": ["distributed"]},
+    extras_require={"dev": DEV_REQUIRES, "docs": DOCS_REQUIRES, "cluster": ["distributed"]},
     zip_safe=False,
     maintainer="moire_sensor maintainers",
     maintainer_email="maintainers@example.org",
