@@ -158,9 +158,7 @@ class Watch:
     run: Run
     processes: list[NodeProcess]
 
-    def until(
-        self, happened: Callable[[], bool], what: str, news: Callable[[], object] = lambda: None
-    ) -> None:
+    def until(self, happened: Callable[[], bool], what: str, news: Callable[[], object] = lambda: None) -> None:
         """Spin until ``happened()``; raises DemoError when a process ends early or ``news()`` does not change."""
         executor = SingleThreadedExecutor()
         executor.add_node(self.node)

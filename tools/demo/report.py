@@ -75,8 +75,8 @@ def sentence(outcome: Outcome) -> str:
     if isinstance(result, SceneResult):
         return (
             f"The worst of {len(result.scores)} depth images has a depth on {result.completeness:.1%} of the pixels "
-            f"that the projector lights and both cameras see; {result.outlier_share:.2%} of them are off by more than one "
-            f"pixel of disparity; the median error is {result.median_error_mm:.2f} mm scaled to 1 m."
+            f"that the projector lights and both cameras see; {result.outlier_share:.2%} of them are off by more than "
+            f"one pixel of disparity; the median error is {result.median_error_mm:.2f} mm scaled to 1 m."
         )
     return (
         f"Depth on {result.coverage:.1%} of the pixels with strong fringes, between {result.nearest_m * 1e3:.0f} and "

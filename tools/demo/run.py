@@ -117,9 +117,7 @@ def scene_view(run: Run, recording: Recording, capture: HeadCapture) -> View:
     error_mm = np.asarray((depth_m - capture.depth_m) * 1e3)
     title = f"{run.name}: {run.method}, one exposure"
     points_m = capture.rig.points(depth_m)
-    return View(
-        title, left, right, order, depth_m, error_mm, "depth minus truth", SCENE_ERROR_MM, points_m
-    )
+    return View(title, left, right, order, depth_m, error_mm, "depth minus truth", SCENE_ERROR_MM, points_m)
 
 
 def run_capture(capture: Capture) -> list[tuple[Outcome, View]]:
