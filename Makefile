@@ -29,7 +29,8 @@ bench: setup ## accuracy and speed beside other methods, into docs/bench.md
 	@OMP_WAIT_POLICY=passive $(BIN)/python -m tools.bench.run $(BENCH)
 
 # A warning fails the build: every link and anchor holds. The theme's own notice is about its successor, no fault of ours.
-docs: setup ## the documentation as web pages: site/index.html
+docs: setup ## write docs/reference.md from the code, and all pages as a site: site/index.html
+	@$(BIN)/python -m tools.docs.reference
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 help: ## this list
