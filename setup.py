@@ -28,7 +28,9 @@ DEV_REQUIRES = [
 ]
 # Not in package.xml: rosdep knows no key for it.
 DOCS_REQUIRES = ["mkdocs-material"]
-DATA_FOLDERS = ("config", "launch", "rviz", "urdf")
+# Nor for this one; the viewer says so where it is missing.
+VIEWER_REQUIRES = ["viser>=1.1"]
+DATA_FOLDERS = ("config", "config/scenes", "launch", "rviz", "urdf")
 EXECUTABLES = [
     "virtual_head = moire_sim.virtual_head_node:main",
     "reconstruction = moire_sensor.ros.reconstruction_node:main",
@@ -36,6 +38,7 @@ EXECUTABLES = [
     "capture_player = moire_sensor.ros.capture_player_node:main",
     "record_bag = moire_sensor.ros.bag_recorder:main",
     "reconstruct_bag = moire_sensor.ros.reconstruct_bag:main",
+    "moire_viewer = moire_sensor.ros.viewer_node:main",
 ]
 
 setup(
@@ -51,7 +54,7 @@ setup(
     python_requires=">=3.11,<3.14",
     install_requires=INSTALL_REQUIRES,
     # reconstruct_bag --scheduler works on a Dask cluster.
-    extras_require={"dev": DEV_REQUIRES, "docs": DOCS_REQUIRES, "cluster": ["distributed"]},
+    extras_require={"dev": DEV_REQUIRES, "docs": DOCS_REQUIRES, "viewer": VIEWER_REQUIRES, "cluster": ["distributed"]},
     zip_safe=False,
     maintainer="moire_sensor maintainers",
     maintainer_email="maintainers@example.org",

@@ -147,7 +147,7 @@ def build(wanted: Stamp, stamp: Optional[Stamp]) -> None:
     constraints = ros_constraints(wanted["ros"])
     ros_wheels = ROS_WHEELS if wanted["ros"] == "wheels" else []
     print("set-up: installing the libraries, about a minute the first time", flush=True)
-    run([venv_python(), "-m", "pip", "install", "-q", *constraints, *ros_wheels, "-e", str(ROOT) + "[dev,docs]"])
+    run([venv_python(), "-m", "pip", "install", "-q", *constraints, *ros_wheels, "-e", str(ROOT) + "[dev,docs,viewer]"])
     link_for_ros()
     STAMP.write_text(json.dumps(wanted))
     print("set-up: ready", flush=True)

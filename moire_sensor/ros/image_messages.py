@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from array import array
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,12 @@ def image_message(header: Header, values: npt.NDArray[Any], encoding: str = "") 
 
 
 def grey_image(name: str, message: Image) -> GreyImage:
-    """Return the pixels (H, W) of a mono8 or mono16 message; row padding and byte order are honoured.
+    """Return the pixels (H, W) of a mono8 or mono16 message; see ``typed_image``."""
+    return typed_image(name, message, GREY_TYPES)
+
+
+def typed_image(name: str, message: Image, types: Mapping[str, np.dtype[Any]]) -> npt.NDArray[Any]:
+    """Return the pixels (H, W) of a message in one of the encodings of ``types``; padding and byte order are honoured.
 
     ``name`` says whose image it is. The array may share the message's memory.
 
@@ -52,10 +58,10 @@ def grey_image(name: str, message: Image) -> GreyImage:
     ImageError
         Another encoding, a size of zero or beyond reason, a step too short, or data of another length.
     """
-    pixel = GREY_TYPES.get(message.encoding)
+    pixel = types.get(message.encoding)
     if pixel is None:
         raise ImageError(
-            f"the {name} image has encoding {quoted(message.encoding)}; allowed are mono8 and mono16: set the "
+            f"the {name} image has encoding {quoted(message.encoding)}; allowed are {' and '.join(types)}: set the "
             "camera to one"
         )
     height, width, step = message.height, message.width, message.step
