@@ -60,5 +60,5 @@ def quantised(image: Image, bits: int) -> npt.NDArray[np.uint8] | npt.NDArray[np
     """Round 8-bit grey levels (H, W) to ``bits``: 8 gives uint8, 12 and 16 give uint16, white at 4095 and 65535."""
     if bits == 8:
         return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0)), dtype=np.uint8)
-    white = float(2**bits - 1)
-    return np.clip(image * (white / 255.0) + 0.5, 0.0, white).astype(np.uint16)
+    white = 2.0**bits - 1.0
+    return np.asarray(np.clip(image * (white / 255.0) + 0.5, 0.0, white), dtype=np.uint16)

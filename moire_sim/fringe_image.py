@@ -10,6 +10,7 @@ import numpy.typing as npt
 from moire_sensor.errors import SettingsError
 from moire_sensor.pattern import FringePattern
 from moire_sensor.rig import StereoRig
+from moire_sensor.settings import check_ranges, setting
 from moire_sim.device_view import DeviceView, dot, tangent_planes, visible_share
 from moire_sim.exposure import lens_blur, projected_signal
 
@@ -22,37 +23,22 @@ LIT_SHARE = 0.5
 class Light:
     """Light and lens; grey levels are of 8 bit, for white that faces the projector; all are 0 or more.
 
-    Attributes
-    ----------
-    ambient : light that is always there, grey levels.
-    offset : mean of the projector's light, grey levels.
-    amplitude : of the fringes, grey levels, at most ``offset``.
-    gamma : response of the projector, 1 is linear; 0.2 to 5.
-    blur_px : standard deviation of the lens blur, pixels, up to 20.
-
     Raises
     ------
     SettingsError
-        A value outside its range.
+        A value outside its range, or an amplitude above the offset.
     """
 
-    ambient: float = 20.0
-    offset: float = 80.0
-    amplitude: float = 70.0
-    gamma: float = 1.0
-    blur_px: float = 0.55
+    ambient: float = setting(20.0, 0.0, 255.0, "light that is always there, grey levels")
+    offset: float = setting(80.0, 0.0, 255.0, "mean of the projector's light, grey levels")
+    amplitude: float = setting(70.0, 0.0, 255.0, "amplitude of the fringes, grey levels, at most offset")
+    gamma: float = setting(1.0, 0.2, 5.0, "response of the projector, 1 is linear")
+    blur_px: float = setting(0.55, 0.0, 20.0, "blur of the cameras' lenses, pixels, standard deviation")
 
     def __post_init__(self) -> None:
-        ranges = {
-            "ambient": (0.0, 255.0),
-            "offset": (0.0, 255.0),
-            "amplitude": (0.0, self.offset),
-            "gamma": (0.2, 5.0),
-            "blur_px": (0.0, 20.0),
-        }
-        for name, (low, high) in ranges.items():
-            if not low <= getattr(self, name) <= high:
-                raise SettingsError(f"{name} is {getattr(self, name)}; it must be {low:g} to {high:g}")
+        check_ranges(self)
+        if self.amplitude > self.offset:
+            raise SettingsError(f"amplitude is {self.amplitude}; it must be 0 to {self.offset:g}, the offset")
 
 
 @dataclass(frozen=True, eq=False)

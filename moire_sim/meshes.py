@@ -5,13 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from moire_sim.body_motion import Motion
+from moire_sim.finish import Finish
+
 Array = npt.NDArray[np.float64]
 # A facet of 2 pi / 1024 lies 1.4 micrometres inside a cylinder of 0.3 m.
 CYLINDER_SIDES = 1024
+# Of things round in two directions: a facet of 2 pi / 240 lies 43 micrometres inside a sphere of 0.5 m.
+ROUND_SIDES = 240
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,11 +29,38 @@ class Body:
     vertices_m : (N, 3) float64.
     triangles : (M, 3) indices of vertices; only the outside is visible.
     albedo : grey reflectance, 0 to 1.
+    finish : texture and gloss; None leaves them to the optics.
+    motion : where it is over time; None stands still.
     """
 
     vertices_m: Array
     triangles: npt.NDArray[np.int64]
     albedo: float
+    finish: Finish | None = None
+    motion: Motion | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedBody:
+    """Something that the simulator loads from a file.
+
+    Attributes
+    ----------
+    kind : ``"mesh"`` (OBJ or STL), ``"urdf"`` or ``"sdf"``.
+    path : the file.
+    pose : (4, 4), its place in the world frame.
+    scale : of a mesh.
+    albedo : of a mesh, 0 to 1; the files of robots bring their own colours.
+    finish, motion : as of :class:`Body`.
+    """
+
+    kind: str
+    path: Path
+    pose: Array
+    scale: float = 1.0
+    albedo: float = 0.9
+    finish: Finish | None = None
+    motion: Motion | None = None
 
 
 def box(
@@ -76,6 +109,42 @@ def sheet(
 def board(z_m: float, half_size_m: tuple[float, float], albedo: float, slope_x: float = 0.0) -> Body:
     """Flat sheet ``z = z_m + slope_x x`` that faces the head."""
     return sheet(lambda x, _: z_m + slope_x * x, half_size_m, half_size_m, albedo)
+
+
+def round_body(x_m: float, z_m: float, profile: Array, albedo: float) -> Body:
+    """Body of revolution about an upright axis: ``profile`` (N, 2) holds radius and height y of its rings, downwards.
+
+    Both ends must have the radius 0.
+    """
+    angle = 2.0 * np.pi * np.arange(ROUND_SIDES) / ROUND_SIDES
+    radius, height = profile[:, :1], profile[:, 1:]
+    heights = np.broadcast_to(height, (len(profile), ROUND_SIDES))
+    rings = [x_m + radius * np.cos(angle), heights, z_m + radius * np.sin(angle)]
+    index = np.arange(len(profile) * ROUND_SIDES).reshape(len(profile), ROUND_SIDES)
+    after = np.roll(index, -1, axis=1)
+    quads = np.stack([index[:-1], index[1:], after[1:], after[:-1]], axis=-1).reshape(-1, 4)
+    return Body(np.stack(rings, axis=-1).reshape(-1, 3), quads_to_triangles(quads), albedo)
+
+
+def arc(centre_y_m: float, radius_m: float, first_rad: float, last_rad: float, count: int) -> Array:
+    """Rings (count, 2), radius and height, of a part of a sphere; angles are from its top."""
+    angle = np.linspace(first_rad, last_rad, count)
+    radius = np.maximum(radius_m * np.sin(angle), 0.0)
+    return np.stack([radius, centre_y_m - radius_m * np.cos(angle)], axis=-1)
+
+
+def sphere(centre_m: tuple[float, float, float], radius_m: float, albedo: float) -> Body:
+    """Sphere; its facets lie within radius / 10000 of it."""
+    x, y, z = centre_m
+    return round_body(x, z, arc(y, radius_m, 0.0, math.pi, ROUND_SIDES // 2 + 1), albedo)
+
+
+def capsule(x_m: float, z_m: float, radius_m: float, top_m: float, bottom_m: float, albedo: float) -> Body:
+    """Upright cylinder with round ends between the heights ``top_m`` and ``bottom_m`` (y, down)."""
+    rings = ROUND_SIDES // 8
+    upper = arc(top_m + radius_m, radius_m, 0.0, math.pi / 2.0, rings)
+    lower = arc(bottom_m - radius_m, radius_m, math.pi / 2.0, math.pi, rings)
+    return round_body(x_m, z_m, np.concatenate([upper, lower]), albedo)
 
 
 def quads_to_triangles(quads: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

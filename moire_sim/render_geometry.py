@@ -17,26 +17,36 @@ import pybullet
 
 from moire_sensor.resources import resource_path
 from moire_sim.device_view import DeviceView
+from moire_sim.errors import SceneError
 from moire_sim.joint_motion import PAN_JOINT, TILT_JOINT, JointLimit
-from moire_sim.meshes import Body, to_obj
+from moire_sim.meshes import Body, LoadedBody, to_obj
+from moire_sim.moment import Moment
+from moire_sim.render_maths import FAR_M, NEAR_M, clip_from_device, column_major, quaternion
+from moire_sim.scene_file import Scene
 
 Array = npt.NDArray[np.float64]
-NEAR_M, FAR_M = 0.2, 10.0
 LEFT_OPTICAL_FRAME = "head_left_optical_frame"
+# The simulator's segmentation holds the body in its lower bits, the link above.
+BODY_BITS = (1 << 24) - 1
 
 
 @dataclass(frozen=True, eq=False)
 class Buffers:
-    """What a device sees: z along its optical axis (H, W) float64 in metres, NaN for nothing; albedo 0 to 1."""
+    """What a device sees: z along its optical axis (H, W) float64 in metres, NaN for nothing; albedo 0 to 1.
+
+    ``body`` (H, W) int32 is the number of the scene's body, -1 for nothing; None where it was not asked for.
+    """
 
     depth_m: Array
     albedo: npt.NDArray[np.float32]
+    body: npt.NDArray[np.int32] | None = None
 
 
 class GeometryRenderer:
     """A pybullet world with the head's URDF and a scene; at rest the left optical frame is the world frame."""
 
-    def __init__(self, bodies: Sequence[Body]) -> None:
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
         self._client = pybullet.connect(pybullet.DIRECT)
         try:
             urdf = str(resource_path("urdf/head.urdf"))
@@ -44,10 +54,11 @@ class GeometryRenderer:
             # A link has the number of the joint that carries it.
             self._joints = {info[1].decode(): info[0] for info in self._joint_infos()}
             self._links = {info[12].decode(): info[0] for info in self._joint_infos()}
-            self._world_from_base = np.linalg.inv(self._link_pose(LEFT_OPTICAL_FRAME))
-            self._place_base()
-            for body in bodies:
-                self._add(body)
+            self._world_from_base: Array = np.asarray(np.linalg.inv(self._link_pose(LEFT_OPTICAL_FRAME)), np.float64)
+            self._base_at_rest = self._world_from_base
+            self._place(self._head, self._world_from_base)
+            self._placed = [self._add(number, body) for number, body in enumerate(scene.bodies, start=1)]
+            self._poses = [np.eye(4) for _ in scene.bodies]
         except BaseException:
             self.close()
             raise
@@ -65,10 +76,28 @@ class GeometryRenderer:
             info[1].decode(): JointLimit(low_rad=info[8], high_rad=info[9], speed_rad_s=info[11]) for info in movable
         }
 
-    def set_joints(self, pan_rad: float, tilt_rad: float) -> None:
-        """Turn the head; limits are the caller's business."""
-        for joint, angle in ((PAN_JOINT, pan_rad), (TILT_JOINT, tilt_rad)):
+    def go_to(self, moment: Moment) -> None:
+        """Turn the head, and put its base and all bodies where they are at a time; limits are the caller's business."""
+        for joint, angle in ((PAN_JOINT, moment.pan_rad), (TILT_JOINT, moment.tilt_rad)):
             pybullet.resetJointState(self._head, self._joints[joint], angle, physicsClientId=self._client)
+        if self._scene.head_motion is not None:
+            self._world_from_base = self._scene.head_motion.pose(moment.time_s) @ self._base_at_rest
+            self._place(self._head, self._world_from_base)
+        for number, (body, placed) in enumerate(zip(self._scene.bodies, self._placed, strict=True)):
+            if body.motion is not None:
+                self._poses[number] = body.motion.pose(moment.time_s)
+                for one, at_rest in placed.items():
+                    self._place(one, self._poses[number] @ at_rest)
+
+    def rest_from_left(self) -> tuple[Array, ...]:
+        """For each body, what takes points (4, 4) from the left optical frame to where the body is at rest."""
+        world_from_left = self._link_pose(LEFT_OPTICAL_FRAME)
+        return tuple(np.linalg.inv(pose) @ world_from_left for pose in self._poses)
+
+    @property
+    def world_from_base(self) -> Array:
+        """Pose (4, 4) of ``head_base_link`` in the world frame, which is the left optical frame at rest."""
+        return self._world_from_base
 
     def frames(self) -> dict[str, Array]:
         """Pose (4, 4) of each link of the URDF in ``head_base_link``."""
@@ -76,11 +105,11 @@ class GeometryRenderer:
         poses = {name: base_from_world @ self._link_pose(name) for name in self._links}
         return {"head_base_link": np.eye(4), **poses}
 
-    def render(self, view: DeviceView) -> Buffers:
-        """Render depth and albedo of a device given relative to the left optical frame."""
+    def render(self, view: DeviceView, with_bodies: bool = False) -> Buffers:
+        """Render depth and albedo, perhaps bodies too, of a device given relative to the left optical frame."""
         device_from_world = view.device_from_left @ np.linalg.inv(self._link_pose(LEFT_OPTICAL_FRAME))
         width, height = view.size
-        _, _, colour, depth, _ = pybullet.getCameraImage(
+        _, _, colour, depth, segments = pybullet.getCameraImage(
             width,
             height,
             column_major(np.diag([1.0, -1.0, -1.0, 1.0]) @ device_from_world),
@@ -89,7 +118,7 @@ class GeometryRenderer:
             lightDiffuseCoeff=0.0,
             lightSpecularCoeff=0.0,
             shadow=0,
-            flags=pybullet.ER_NO_SEGMENTATION_MASK,
+            flags=0 if with_bodies else pybullet.ER_NO_SEGMENTATION_MASK,
             renderer=pybullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
@@ -97,7 +126,16 @@ class GeometryRenderer:
         window = np.asarray(depth, dtype=np.float64).reshape(height, width)
         z = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * window)
         red = np.asarray(colour, dtype=np.uint8).reshape(height, width, 4)[..., 0]
-        return Buffers(np.where(window < 1.0 - 1e-6, z, np.nan), (red / 255.0).astype(np.float32))
+        known = window < 1.0 - 1e-6
+        bodies = self._numbers(np.asarray(segments).reshape(height, width), known) if with_bodies else None
+        return Buffers(np.where(known, z, np.nan), (red / 255.0).astype(np.float32), bodies)
+
+    def _numbers(self, segments: npt.NDArray[np.integer], known: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+        """Numbers (H, W) of the scene's bodies; the head itself, where it is seen, counts as nothing."""
+        number_of = np.full(pybullet.getNumBodies(physicsClientId=self._client), -1, dtype=np.int32)
+        for number, placed in enumerate(self._placed):
+            number_of[list(placed)] = number
+        return np.where(known, number_of[np.where(known, segments & BODY_BITS, 0)], -1).astype(np.int32)
 
     def _joint_infos(self) -> list[Any]:
         joints = range(pybullet.getNumJoints(self._head, physicsClientId=self._client))
@@ -109,24 +147,58 @@ class GeometryRenderer:
         )
         return as_pose(state[4], state[5])
 
-    def _place_base(self) -> None:
-        rotation = np.asarray(self._world_from_base[:3, :3], dtype=np.float64)
+    def _place(self, body: int, pose: Array) -> None:
         pybullet.resetBasePositionAndOrientation(
-            self._head, self._world_from_base[:3, 3].tolist(), quaternion(rotation), physicsClientId=self._client
+            body, pose[:3, 3].tolist(), quaternion(np.asarray(pose[:3, :3])), physicsClientId=self._client
         )
 
-    def _add(self, body: Body) -> None:
+    def _pose(self, body: int) -> Array:
+        return as_pose(*pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client))
+
+    def _add(self, number: int, body: Body | LoadedBody) -> dict[int, Array]:
+        """Add a body of the scene; returns the simulator's bodies that it is made of, with their poses at rest."""
+        if isinstance(body, LoadedBody):
+            try:
+                placed = self._load(body)
+            except pybullet.error as error:
+                placed = []
+                reason = f": {error}".rstrip(".")
+            else:
+                reason = ""
+            if not placed or min(placed) < 0:
+                raise SceneError(
+                    f"body {number} of the scene cannot be loaded from {body.path}{reason}; check the file, and the "
+                    "meshes that it names"
+                )
+            poses = {one: body.pose @ self._pose(one) for one in placed}
+            for one, pose in poses.items():
+                self._place(one, pose)
+            return poses
         # Meshes go through files: vertices passed as arguments are limited in number.
         with tempfile.TemporaryDirectory(prefix="moire_scene_") as folder:
             path = Path(folder) / "body.obj"
             path.write_text(to_obj(body), encoding="ascii")
-            shape = pybullet.createVisualShape(
-                pybullet.GEOM_MESH,
-                fileName=str(path),
-                rgbaColor=[body.albedo] * 3 + [1.0],
-                physicsClientId=self._client,
-            )
-            pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
+            return {self._add_mesh(path, 1.0, body.albedo): np.eye(4)}
+
+    def _load(self, body: LoadedBody) -> list[int]:
+        if body.kind == "mesh":
+            return [self._add_mesh(body.path, body.scale, body.albedo)]
+        if body.kind == "urdf":
+            return [pybullet.loadURDF(str(body.path), useFixedBase=True, physicsClientId=self._client)]
+        return list(pybullet.loadSDF(str(body.path), physicsClientId=self._client))
+
+    def _add_mesh(self, path: Path, scale: float, albedo: float) -> int:
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_MESH,
+            fileName=str(path),
+            meshScale=[scale] * 3,
+            rgbaColor=[albedo] * 3 + [1.0],
+            physicsClientId=self._client,
+        )
+        if shape < 0:
+            return -1
+        body: int = pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
+        return body
 
 
 def as_pose(position_m: Sequence[float], orientation: Sequence[float]) -> Array:
@@ -135,42 +207,3 @@ def as_pose(position_m: Sequence[float], orientation: Sequence[float]) -> Array:
     matrix[:3, :3] = np.reshape(pybullet.getMatrixFromQuaternion(orientation), (3, 3))
     matrix[:3, 3] = position_m
     return matrix
-
-
-def quaternion(rotation: Array) -> list[float]:
-    """Quaternion (x, y, z, w) of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000)."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
-    symmetric = np.array(
-        [
-            [xx - yy - zz, yx + xy, zx + xz, zy - yz],
-            [yx + xy, yy - xx - zz, zy + yz, xz - zx],
-            [zx + xz, zy + yz, zz - xx - yy, yx - xy],
-            [zy - yz, xz - zx, yx - xy, xx + yy + zz],
-        ]
-    )
-    vector: list[float] = np.linalg.eigh(symmetric)[1][:, -1].tolist()
-    return vector
-
-
-def clip_from_device(view: DeviceView) -> Array:
-    """OpenGL projection (4, 4) of a device, for TinyRenderer with pixel centres at integers.
-
-    TinyRenderer samples at whole window coordinates counted from the lower left corner, and image row v is window row
-    height - 1 - v: hence no half pixel along a row and a whole one down a column.
-    """
-    (fx, skew, cx), (_, fy, cy), _ = view.intrinsic.tolist()
-    width, height = view.size
-    return np.array(
-        [
-            [2.0 * fx / width, -2.0 * skew / width, 1.0 - 2.0 * cx / width, 0.0],
-            [0.0, 2.0 * fy / height, 2.0 * (cy + 1.0) / height - 1.0, 0.0],
-            [0.0, 0.0, -(FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M)],
-            [0.0, 0.0, -1.0, 0.0],
-        ]
-    )
-
-
-def column_major(matrix: Array) -> list[float]:
-    """Return a matrix as the flat list that OpenGL takes."""
-    values: list[float] = matrix.T.ravel().tolist()
-    return values

@@ -1,134 +1,81 @@
-"""The scenes a head can stand before."""
+"""The scenes a head can stand before: files of config/scenes, or the user's own."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
-import numpy as np
-
-from moire_sensor.paper_rig import REFERENCE_DEPTH_M
+from moire_sensor.resources import resource_path
 from moire_sim.errors import SceneError
-from moire_sim.indoor_scenes import corridor_with_boxes, doorway, table_edge
-from moire_sim.meshes import Array, Body, board, box, sheet, upright_cylinder
+from moire_sim.meshes import Body, LoadedBody
+from moire_sim.scene_file import Scene, SceneFile, robot_scene
 
-# Wide enough to fill the views at all depths and within the neck's usual turns.
-WALL_HALF_SIZE_M = (2.0, 1.5)
-
-
-@dataclass(frozen=True)
-class Option:
-    """A number that a scene can be given, with its range."""
-
-    default: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A scene's builder, called with its options by name."""
-
-    build: Callable[..., tuple[Body, ...]]
-    options: Mapping[str, Option]
-
-
-def reference_plane() -> Body:
-    """The paper's reference plane at 1500 mm."""
-    return board(REFERENCE_DEPTH_M, WALL_HALF_SIZE_M, 0.85)
-
-
-def flat_board(distance_m: float, slope: float) -> tuple[Body, ...]:
-    """One board (paper, figure 9); ``slope`` is dz/dx."""
-    return (board(distance_m, (1.0, 1.0) if slope else WALL_HALF_SIZE_M, 1.0, slope),)
-
-
-def board_before_plane(distance_m: float) -> tuple[Body, ...]:
-    """A small board before the reference plane (paper, figure 10 b)."""
-    return reference_plane(), box((0.03, 0.0, distance_m + 0.005), (0.24, 0.18, 0.01), 1.0)
-
-
-def convex_cylinder(distance_m: float, radius_m: float) -> tuple[Body, ...]:
-    """A convex curved wall before the reference plane (paper, figure 10 d)."""
-    return reference_plane(), upright_cylinder(0.047, distance_m + radius_m, radius_m, -1.0, 1.0, 1.0)
-
-
-def free_form(distance_m: float, amplitude_m: float) -> tuple[Body, ...]:
-    """A sine surface (paper, figure 11), with a gentle wave across it."""
-
-    def height(x: Array, y: Array) -> Array:
-        across = np.sin(2.0 * math.pi * x / 0.30)
-        return np.asarray(distance_m + amplitude_m * (across + 0.4 * np.sin(2.0 * math.pi * y / 0.45)))
-
-    return (sheet(height, (0.6, 0.4), (0.003, 0.004), 1.0),)
-
-
-def cylinder_and_box() -> tuple[Body, ...]:
-    """A cylinder and a box before the reference plane (paper, figure 12)."""
-    return (
-        reference_plane(),
-        upright_cylinder(-0.06, 1.2, 0.08, -0.13, 0.6, 1.0),
-        box((0.17, 0.24, 1.15), (0.16, 0.62, 0.16), 0.9, 0.5),
-    )
-
-
-def room() -> tuple[Body, ...]:
-    """A corner of a room: two walls, floor, cabinet, stool, table with legs, a thin pole; what a robot meets."""
-    left_wall = box((-0.42, 0.0, 1.62), (2.0, 2.0, 0.1), 0.8, 0.45)
-    right_wall = box((0.65, 0.0, 1.55), (1.4, 2.0, 0.1), 0.9, -0.70)
-    floor = box((0.0, 0.36, 1.4), (2.4, 0.1, 1.8), 0.7)
-    cabinet = box((-0.23, 0.16, 1.22), (0.24, 0.40, 0.18), 0.65, 0.45)
-    stool = box((0.02, 0.20, 0.90), (0.15, 0.18, 0.14), 0.95, 0.3)
-    table = (
-        box((0.30, 0.06, 1.18), (0.28, 0.025, 0.22), 0.9, -0.3),
-        box((0.20, 0.19, 1.11), (0.03, 0.25, 0.03), 0.75, -0.3),
-        box((0.39, 0.19, 1.25), (0.03, 0.25, 0.03), 0.75, -0.3),
-    )
-    pole = upright_cylinder(0.115, 0.72, 0.010, -1.0, 0.31, 1.0)
-    return left_wall, right_wall, floor, cabinet, stool, *table, pole
-
-
-SCENES: dict[str, Scene] = {
-    "flat_board": Scene(flat_board, {"distance_m": Option(1.0, 0.3, 3.0), "slope": Option(0.0, -1.5, 1.5)}),
-    "board_before_plane": Scene(board_before_plane, {"distance_m": Option(1.0, 0.4, 1.45)}),
-    "convex_cylinder": Scene(
-        convex_cylinder, {"distance_m": Option(1.1, 0.5, 1.4), "radius_m": Option(0.2, 0.05, 1.0)}
-    ),
-    "free_form": Scene(free_form, {"distance_m": Option(1.1, 0.6, 1.5), "amplitude_m": Option(0.04, 0.0, 0.08)}),
-    "cylinder_and_box": Scene(cylinder_and_box, {}),
-    "room": Scene(room, {}),
-    "corridor_with_boxes": Scene(corridor_with_boxes, {"boxes": Option(2.0, 0.0, 2.0)}),
-    "doorway": Scene(doorway, {"bin_m": Option(0.3, 0.0, 1.0)}),
-    "table_edge": Scene(table_edge, {"distance_m": Option(0.92, 0.6, 1.5)}),
-}
+# Any of the files tells where all of them are.
+FIRST = "flat_board"
+FILE_SUFFIXES = (".yaml", ".yml")
+ROBOT_SUFFIXES = (".urdf", ".sdf")
 
 
 def scene_names() -> tuple[str, ...]:
-    """Names of the scenes a head can stand before."""
-    return tuple(SCENES)
+    """Names of the scenes that ship."""
+    return tuple(sorted(path.stem for path in scenes_folder().glob("*.yaml")))
 
 
-def scene_bodies(scene: str) -> tuple[Body, ...]:
-    """Build a scene from its name and options, such as ``"flat_board:distance_m=0.8,slope=0.5"``.
+def indoor_names() -> tuple[str, ...]:
+    """Names of those that go on beyond the default depth range, as rooms do, or move."""
+    return tuple(name for name in scene_names() if shipped(name).indoor)
+
+
+def load_scene(scene: str) -> Scene:
+    """Build a scene from its name or file and its options, such as ``"flat_board:distance_m=0.8,slope=0.5"``.
 
     Raises
     ------
     SceneError
-        An unknown scene or option, or a value that is no number or outside its range.
+        An unknown scene or option, a value that is no number or outside its range, or a file that is no scene.
     """
-    name, _, options = scene.strip().partition(":")
-    if name not in SCENES:
-        raise SceneError(f"unknown scene {name!r}; choose one of {', '.join(SCENES)}")
-    kind = SCENES[name]
+    name, options = split_options(scene.strip())
+    path = Path(name)
+    if path.suffix.lower() in ROBOT_SUFFIXES:
+        if options:
+            raise SceneError(f"scene {name!r} takes no options; {options!r} was given")
+        return robot_scene(path)
+    kind = SceneFile.read(path) if "/" in name or path.suffix.lower() in FILE_SUFFIXES else shipped(name)
     values = {key: option.default for key, option in kind.options.items()}
     for item in filter(None, (part.strip() for part in options.split(","))):
         key, value = parsed_option(name, kind, item)
         values[key] = value
-    return kind.build(**values)
+    return kind.scene(values)
 
 
-def parsed_option(name: str, kind: Scene, item: str) -> tuple[str, float]:
+def scene_bodies(scene: str) -> tuple[Body | LoadedBody, ...]:
+    """Return the bodies of a scene; raises as :func:`load_scene`."""
+    return load_scene(scene).bodies
+
+
+def split_options(scene: str) -> tuple[str, str]:
+    """Return name or path, and the options after the last colon; a path may have a colon itself."""
+    name, colon, options = scene.rpartition(":")
+    if not colon or ("/" in options and "=" not in options):
+        return scene, ""
+    return name, options
+
+
+def scenes_folder() -> Path:
+    """Folder of the scenes that ship."""
+    return resource_path(f"config/scenes/{FIRST}.yaml").parent
+
+
+@lru_cache(maxsize=64)
+def shipped(name: str) -> SceneFile:
+    """Read a scene that ships; raises SceneError naming those there are."""
+    if name not in scene_names():
+        raise SceneError(f"unknown scene {name!r}; choose one of {', '.join(scene_names())}, or give a file")
+    return SceneFile.read(scenes_folder() / f"{name}.yaml")
+
+
+def parsed_option(name: str, kind: SceneFile, item: str) -> tuple[str, float]:
     """Read one ``key=number``, or raise SceneError saying what the scene takes."""
     key, _, text = (part.strip() for part in item.partition("="))
     allowed = ", ".join(f"{known}={o.low:g}..{o.high:g}" for known, o in kind.options.items()) or "no options"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -10,16 +10,23 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.errors import SettingsError
-from moire_sensor.paper_rig import PROJECTOR_SIZE, paper_rig
+from moire_sensor.paper_rig import paper_rig
 from moire_sensor.pattern import FringePattern
+from moire_sensor.rectify import RectifiedPair
 from moire_sensor.rig import StereoRig
+from moire_sim.camera_chip import CameraChip
+from moire_sim.camera_lens import rectification
 from moire_sim.capture import Grey, HeadCapture, stacked
 from moire_sim.device_view import DeviceView
 from moire_sim.errors import SimulatorError
 from moire_sim.exposure import exposed, noise_generator
-from moire_sim.fringe_image import Image, Light, dark_picture, fringe_picture
+from moire_sim.fringe_image import Image, dark_picture, fringe_picture
+from moire_sim.head_options import HeadOptions
 from moire_sim.joint_motion import PAN_JOINT, TILT_JOINT, JointLimit
-from moire_sim.scenes import scene_bodies
+from moire_sim.moment import Moment
+from moire_sim.real_look import RealLook
+from moire_sim.real_pictures import RealPictures
+from moire_sim.scenes import load_scene
 from moire_sim.still_view import StillView, still_view
 
 if TYPE_CHECKING:
@@ -29,44 +36,21 @@ Array = npt.NDArray[np.float64]
 CACHED_PICTURES = 32
 
 
-@dataclass(frozen=True)
-class HeadOptions:
-    """How the head lights and sees.
-
-    Attributes
-    ----------
-    light : light and lens.
-    noise : standard deviation of the camera noise, 8-bit grey levels, 0 to 50.
-    bits : 8 (uint8) or 16 (uint16, full range).
-    projector_size : (width, height) of the projector's image, pixels.
-    """
-
-    light: Light = field(default_factory=Light)
-    noise: float = 1.5
-    bits: int = 8
-    projector_size: tuple[int, int] = PROJECTOR_SIZE
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.noise <= 50.0:
-            raise SettingsError(f"noise is {self.noise}; it must be 0 to 50 grey levels")
-        if self.bits not in (8, 16):
-            raise SettingsError(f"bits is {self.bits}; it must be 8 or 16")
-
-
 class VirtualHead:
     """A head before a scene; use it in a ``with`` statement.
 
     Parameters
     ----------
-    scene : name from :func:`moire_sim.scene_names`, options after a colon: ``"flat_board:distance_m=0.8"``.
+    scene : name from :func:`moire_sim.scene_names` or a YAML, URDF or SDF file; options after a colon:
+        ``"flat_board:distance_m=0.8"``.
     seed : of the noise; exposure n of camera c (0 left, 1 right) draws from ``default_rng((seed, n, c))``.
     rig : default the paper's.
-    options : light, lens, noise and bits.
+    options : light, noise, bits and the flaws of the optics; ``preset("realistic")`` has them all.
 
     Raises
     ------
     SceneError
-        An unknown scene or option.
+        An unknown scene or option, or a file that is no scene.
     SimulatorError
         pybullet is not installed.
     """
@@ -80,7 +64,7 @@ class VirtualHead:
     ) -> None:
         if seed < 0:
             raise SettingsError(f"seed is {seed}; it must be 0 or more")
-        bodies = scene_bodies(scene)
+        stage = load_scene(scene)
         self.scene, self.seed = scene, seed
         self.rig = rig or paper_rig()
         self.options = options or HeadOptions()
@@ -95,8 +79,17 @@ class VirtualHead:
         self._still: StillView | None = None
         self._pictures: dict[tuple[FringePattern | None, int], tuple[Image, Image]] = {}
         self._next_exposure = 0
-        self._pan_tilt_rad = (0.0, 0.0)
-        self._renderer = open_renderer()(bodies)
+        self._moves, self._base_moves = stage.moves, stage.head_motion is not None
+        self._time_s = 0.0
+        self._moment = Moment()
+        self._renderer = open_renderer()(stage)
+        self._renderer.go_to(self._moment)
+        self._base_at_start = self._renderer.world_from_base
+        self._real: RealPictures | None = None
+        if not self.options.optics.is_ideal:
+            self._real = self._real_pictures(RealLook(
+                self._renderer, self.rig, self._views, self.options.optics, stage.bodies
+            ))
 
     def __enter__(self) -> VirtualHead:
         return self
@@ -111,9 +104,10 @@ class VirtualHead:
         self._renderer.close()
 
     def capture(self, pattern: FringePattern, exposure_index: int | None = None) -> HeadCapture:
-        """Take all steps of a pattern, one exposure each.
+        """Take all steps of a pattern, one exposure each, while nothing moves.
 
-        ``exposure_index`` is the first exposure's, which chooses its noise; by default exposures count on from 0.
+        ``exposure_index`` is the first exposure's, which chooses its noise; by default exposures count on from 0. The
+        images are those of the cameras: where they have lenses, ``rectification`` brings them to the rig's.
         """
         first = self._next_exposure if exposure_index is None else exposure_index
         pairs = [self.expose(pattern, step, first + step) for step in range(pattern.step_count)]
@@ -129,13 +123,38 @@ class VirtualHead:
             pattern,
         )
 
-    def expose(self, pattern: FringePattern, step: int = 0, exposure_index: int = 0) -> tuple[Grey, Grey]:
-        """Left and right image (H, W) of one exposure of step ``step``."""
-        return self._with_noise(self._ideal(pattern, step % pattern.step_count), exposure_index)
+    def expose(
+        self,
+        pattern: FringePattern | None,
+        step: int = 0,
+        exposure_index: int = 0,
+        joints_after: Callable[[float], tuple[float, float]] | None = None,
+    ) -> tuple[Grey, Grey]:
+        """Left and right image (H, W) of one exposure of step ``step``; without a pattern the projector is off.
+
+        ``joints_after`` tells pan and tilt so many seconds after the middle of the exposure, where a mirror's sweep
+        (``optics.sweep_ms``) takes time and the head turns meanwhile.
+        """
+        step = step % pattern.step_count if pattern else 0
+        if self._real is None:
+            return self._with_noise(self._ideal(pattern, step), exposure_index)
+
+        def way(offset_s: float) -> Moment:
+            joints = joints_after(offset_s) if joints_after and offset_s else self.pan_tilt_rad
+            return Moment(*joints, self._moment.time_s + offset_s if self._moves else 0.0)
+
+        images = self._real.expose(pattern, step, exposure_index, self._time_s, way)
+        self._renderer.go_to(self._moment)
+        return images
 
     def ambient(self, exposure_index: int = 0) -> tuple[Grey, Grey]:
         """Left and right image (H, W) of one exposure with the projector off."""
-        return self._with_noise(self._ideal(None, 0), exposure_index)
+        return self.expose(None, exposure_index=exposure_index)
+
+    @property
+    def rectification(self) -> RectifiedPair:
+        """What brings the cameras' images to the rig's, as a driver learns it from the camera infos."""
+        return rectification(self.rig, self.options.optics)
 
     @property
     def depth_m(self) -> npt.NDArray[np.float32]:
@@ -155,7 +174,22 @@ class VirtualHead:
     @property
     def pan_tilt_rad(self) -> tuple[float, float]:
         """Pan (positive to the left) and tilt (positive down), radians."""
-        return self._pan_tilt_rad
+        return self._moment.pan_rad, self._moment.tilt_rad
+
+    @property
+    def moves(self) -> bool:
+        """True where something in the scene, or the head's base, moves over time."""
+        return self._moves
+
+    @property
+    def base_moves(self) -> bool:
+        """True where the scene moves the head's base."""
+        return self._base_moves
+
+    @property
+    def world_from_base(self) -> Array:
+        """Pose (4, 4) of ``head_base_link`` now, in that of ``head_base_link`` at time 0 in a scene that moves it."""
+        return np.asarray(np.linalg.inv(self._base_at_start) @ self._renderer.world_from_base)
 
     @property
     def joint_limits(self) -> dict[str, JointLimit]:
@@ -188,11 +222,28 @@ class VirtualHead:
                 raise SettingsError(
                     f"{name} was given {angle} rad; it must be {limit.low_rad:g} to {limit.high_rad:g}"
                 )
-        if (pan_rad, tilt_rad) != self._pan_tilt_rad:
-            self._renderer.set_joints(pan_rad, tilt_rad)
-            self._pan_tilt_rad = (pan_rad, tilt_rad)
+        self._go_to(Moment(pan_rad, tilt_rad, self._moment.time_s))
+
+    def set_time(self, time_s: float) -> None:
+        """Move everything that moves to where it is at a time in seconds; lamps swing with it, too."""
+        self._time_s = time_s
+        if self._moves:
+            self._go_to(Moment(*self.pan_tilt_rad, time_s))
+
+    def _go_to(self, moment: Moment) -> None:
+        if moment != self._moment:
+            self._renderer.go_to(moment)
+            self._moment = moment
             self._still = None
             self._pictures.clear()
+
+    def _real_pictures(self, look: RealLook) -> RealPictures:
+        options = self.options
+        chips = [
+            CameraChip.of(options.optics, options.noise, options.bits, self.rig.image_size, self.seed, camera)
+            for camera in (0, 1)
+        ]
+        return RealPictures(look, options.optics, options.light, chips, self.seed, options.projector_size[0])
 
     def _look(self) -> StillView:
         if self._still is None:

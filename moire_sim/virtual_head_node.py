@@ -6,26 +6,28 @@ import sys
 from collections.abc import Collection
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
-from moire_sensor.errors import SettingsError
-from moire_sensor.paper_rig import PERIOD_PX, PROJECTOR_SIZE
-from moire_sensor.pattern import MIN_PERIOD_PX, WAVEFORMS, FringePattern
+from moire_sensor.errors import MoireError
+from moire_sensor.paper_rig import PROJECTOR_SIZE
 from moire_sensor.phase_steps import needed_frames
 from moire_sensor.resources import resource_path
 from moire_sensor.ros.diagnostics import OK, WARN, DiagnosticsPublisher, status_of
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.head_publisher import HeadPublisher
 from moire_sensor.ros.image_messages import image_message
-from moire_sensor.ros.parameters import ParameterSpec, declare, refuse_unknown
-from moire_sensor.ros.projector_state import MAX_STEP_COUNT, state_of_exposure
+from moire_sensor.ros.parameters import ParameterSpec, changed_values, declare, refuse_unknown
+from moire_sensor.ros.projector_state import state_of_exposure
 from moire_sensor.ros.qos import latched_qos, overridable, publisher_qos
-from moire_sim.turns import seconds_to_turn
-from moire_sim.virtual_head import HeadOptions, VirtualHead
-from moire_sim.virtual_head_joints import HeadJoints
+from moire_sim.fringe_programme import FringeProgramme
+from moire_sim.turns import NANOSECONDS, seconds_to_turn
+from moire_sim.virtual_head import VirtualHead
+from moire_sim.virtual_head_joints import BasePose, HeadJoints
+from moire_sim.virtual_head_parameters import FRINGE_SPECS, PRESET_SPEC, optics_specs, options_of, patterns_of
 
 USAGE = """
 virtual_head --ros-args [-p scene:=flat_board] [-p rate_hz:=10] [-p seed:=0] [-p phase_steps:=1] [-r __ns:=/head]
@@ -33,16 +35,15 @@ A simulated head with two cameras and a fringe projector before a scene.
 """
 NAMESPACE = "head"
 DIAGNOSTICS_PERIOD_S = 1.0
-SPECS = (
-    ParameterSpec("scene", "flat_board", "scene, options after a colon: flat_board:distance_m=0.8", read_only=True),
+HEAD_SPECS = (
+    ParameterSpec(
+        "scene",
+        "flat_board",
+        "name, or path of a YAML, URDF or SDF file; options after a colon: flat_board:distance_m=0.8",
+        read_only=True,
+    ),
     ParameterSpec("rate_hz", 10.0, "exposures per second; 0: only by the service capture", 0.0, 200.0, read_only=True),
     ParameterSpec("seed", 0, "of the camera noise", 0, 2**31 - 1, read_only=True),
-    ParameterSpec("phase_steps", 1, "exposures of one programme; 1: single shot", 1, MAX_STEP_COUNT, read_only=True),
-    ParameterSpec("period_px", PERIOD_PX, "projector columns per fringe", MIN_PERIOD_PX, 10000.0, read_only=True),
-    ParameterSpec("phase_rad", 0.0, "fringe phase at projector column 0, rad", -1e3, 1e3, read_only=True),
-    ParameterSpec("waveform", WAVEFORMS[0], "shape of the fringes", choices=WAVEFORMS, read_only=True),
-    ParameterSpec("noise", HeadOptions.noise, "camera noise, 8-bit grey levels", 0.0, 50.0, read_only=True),
-    ParameterSpec("bits", HeadOptions.bits, "of the images: 8 (mono8) or 16 (mono16)", 8, 16, read_only=True),
     ParameterSpec("pan_rad", 0.0, "turn of the head, positive to the left, rad", -3.15, 3.15, read_only=True),
     ParameterSpec("tilt_rad", 0.0, "nod of the head, positive down, rad", -3.15, 3.15, read_only=True),
     ParameterSpec(
@@ -60,6 +61,7 @@ SPECS = (
         "wait_for_subscribers", 0, "subscribers of images and state to wait for first; 0: none", 0, 100, read_only=True
     ),
 )
+SPECS = (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC, *optics_specs())
 
 
 class VirtualHeadNode(Node):  # type: ignore[misc]
@@ -70,27 +72,31 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
 
     def __init__(self, others: Collection[str] = ()) -> None:
         super().__init__("virtual_head", namespace=NAMESPACE)
-        values = declare(self, SPECS)
+        values = declare(self, (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC))
+        values |= declare(self, optics_specs(values["optics"]))
         refuse_unknown(self, others=others)
         self._values = values
-        self._pattern = FringePattern(
-            values["period_px"], values["phase_rad"], waveform=values["waveform"]
-        ).with_equal_steps(values["phase_steps"])
+        self._programme = FringeProgramme(patterns_of(values))
         self._head = open_head(values)
         self._exposures = 0
+        self._scene_start_ns: int | None = None
         self._laser_on = True
         self._awaited: int = values["wait_for_subscribers"]
-        self._publisher = HeadPublisher(self, self._head.rig, PROJECTOR_SIZE, values["frame_prefix"])
+        self._publisher = HeadPublisher(
+            self, self._head.rig, PROJECTOR_SIZE, values["frame_prefix"], self._head.options.optics.lens
+        )
         self._joints = HeadJoints(self, self._head)
         self._truth = self.create_publisher(
             Image, "ground_truth/depth", publisher_qos(), qos_overriding_options=overridable()
         )
+        self._base = BasePose(self, self._head, values["frame_prefix"])
         self._diagnostics = DiagnosticsPublisher(self)
         self._describe_robot()
         refuse_unknown(self, qos=True)
         self.create_service(SetBool, "projector/enable", self._enable_projector)
         self.create_service(Trigger, "capture", self._capture_once)
         self._expose_first()
+        self.add_on_set_parameters_callback(self._change_fringes)
         self.create_timer(DIAGNOSTICS_PERIOD_S, self._diagnose)
         if values["rate_hz"] > 0.0:
             now_ns = self.get_clock().now().nanoseconds
@@ -113,8 +119,9 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
 
     def _expose_first(self) -> None:
         """Render every picture once, so that the stream does not start with a pause; nothing is published."""
-        for step in range(self._pattern.step_count):
-            self._head.expose(self._pattern, step)
+        for pattern in self._programme.patterns:
+            for step in range(pattern.step_count):
+                self._head.expose(pattern, step)
 
     def _begin_turns(self) -> None:
         """At the first turn: expose at each one from now on."""
@@ -133,18 +140,37 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         """Make the next exposure and publish everything that belongs to it with its stamp."""
         now = self.get_clock().now()
         stamp = now.to_msg()
+        self._head.set_time(self._scene_time_s(now.nanoseconds))
         self._joints.turn(now)
-        step = self._exposures % self._pattern.step_count
-        if self._laser_on:
-            left, right = self._head.expose(self._pattern, step, self._exposures)
-        else:
-            left, right = self._head.ambient(self._exposures)
+        self._base.publish(stamp)
+        pattern, step = self._programme.next()
+        shown = pattern if self._laser_on else None
+        left, right = self._head.expose(shown, step, self._exposures, self._joints.after(now))
         self._exposures += 1
-        self._publisher.publish(stamp, left, right, state_of_exposure(self._pattern, step, self._laser_on))
+        self._publisher.publish(stamp, left, right, state_of_exposure(pattern, step, self._laser_on))
         if self._truth.get_subscription_count():
             self._truth.publish(
                 image_message(Header(stamp=stamp, frame_id=self._publisher.frames["left"]), self._head.depth_m)
             )
+
+    def _scene_time_s(self, now_ns: int) -> float:
+        """Time of the scene at a stamp: it begins with the first exposure, and again where the clock jumps back."""
+        if self._scene_start_ns is None or now_ns < self._scene_start_ns:
+            self._scene_start_ns = now_ns
+        return (now_ns - self._scene_start_ns) / NANOSECONDS
+
+    def _change_fringes(self, parameters: list[Any]) -> SetParametersResult:
+        """Show other fringes from the next exposure on."""
+        try:
+            values = changed_values(FRINGE_SPECS, self._values, parameters)
+            patterns = patterns_of(values)
+        except MoireError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        if patterns != self._programme.patterns:
+            self._programme.change(patterns)
+            self.get_logger().info(f"fringes of {', '.join(f'{one.period_px:g}' for one in patterns)} columns")
+        self._values = values
+        return SetParametersResult(successful=True)
 
     def _enable_projector(self, request: Any, response: Any) -> Any:
         self._laser_on = request.data
@@ -154,7 +180,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
 
     def _capture_once(self, request: Any, response: Any) -> Any:
         """Make the exposures of one result, at once: one, or steps + 1 made odd."""
-        count = needed_frames(self._pattern.step_count)
+        count = sum(needed_frames(pattern.step_count) for pattern in self._programme.patterns)
         for _ in range(count):
             self._expose()
         response.success = True
@@ -163,17 +189,14 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
 
     def _diagnose(self) -> None:
         values = {"exposures": self._exposures, "laser on": self._laser_on}
-        values |= {name: self._values[name] for name in ("scene", "rate_hz", "seed", "phase_steps")}
+        values |= {name: self._values[name] for name in ("scene", "rate_hz", "seed", "phase_steps", "optics")}
         level, text = (OK, "exposing") if self._laser_on else (WARN, "the projector is off")
         self._diagnostics.publish([status_of("exposure", level, text, values), self._joints.status()])
 
 
 def open_head(values: dict[str, Any]) -> VirtualHead:
     """Return the simulated head that the parameters ask for; raises MoireError where there is no such."""
-    if values["bits"] not in (8, 16):
-        raise SettingsError(f"parameter bits is {values['bits']}; allowed are 8 and 16")
-    options = HeadOptions(noise=values["noise"], bits=values["bits"])
-    head = VirtualHead(values["scene"], values["seed"], options=options)
+    head = VirtualHead(values["scene"], values["seed"], options=options_of(values))
     head.set_head(values["pan_rad"], values["tilt_rad"])
     return head
 

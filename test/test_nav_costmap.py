@@ -21,17 +21,16 @@ from sensor_msgs.msg import PointCloud2, PointField
 from moire_sensor.nav_cloud import NavSettings
 from moire_sensor.paper_rig import paper_pattern
 from moire_sim import HeadOptions, VirtualHead
-from moire_sim.indoor_scenes import CORRIDOR_HEIGHT_M, DOORWAY_HEIGHT_M, TABLE_HEIGHT_M
 
 ROOT = Path(__file__).parents[1]
 MARKS, FREE = "points_nav", "points_nav_clearing"
 LAYERS: dict[str, tuple[type[Costmap], int]] = {"obstacle": (Costmap, 2), "voxel": (VoxelCostmap, 3)}
-# Height of the camera over the floor, tilt downwards; the scene, and the same after something has left or moved off.
+# Height of the camera over the floor as the scene has it, tilt downwards; the scene, and the same after something has left or moved off.
 SCENES = {
-    "corridor": (CORRIDOR_HEIGHT_M, 0.1, "corridor_with_boxes:boxes=1", "corridor_with_boxes:boxes=0"),
-    "boxes": (CORRIDOR_HEIGHT_M, 0.1, "corridor_with_boxes", "corridor_with_boxes:boxes=1"),
-    "doorway": (DOORWAY_HEIGHT_M, 0.15, "doorway", "doorway:bin_m=0"),
-    "table": (TABLE_HEIGHT_M, 0.35, "table_edge", "table_edge:distance_m=1.3"),
+    "corridor": (0.35, 0.1, "corridor_with_boxes:boxes=1", "corridor_with_boxes:boxes=0"),
+    "boxes": (0.35, 0.1, "corridor_with_boxes", "corridor_with_boxes:boxes=1"),
+    "doorway": (0.5, 0.15, "doorway", "doorway:bin_m=0"),
+    "table": (0.8, 0.35, "table_edge", "table_edge:distance_m=1.3"),
 }
 # points_nav tells the middle of what lies in a voxel, which is off by up to half of one: nothing is asked of cells
 # that the truth only touches within that of their border, and a cell that close to the truth is no phantom.

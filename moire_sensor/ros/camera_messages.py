@@ -20,18 +20,25 @@ LENS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
 
 
 def camera_infos(
-    rig: StereoRig, header: Header, projector_size: tuple[int, int], frame_prefix: str = ""
+    rig: StereoRig,
+    header: Header,
+    projector_size: tuple[int, int],
+    frame_prefix: str = "",
+    lens: tuple[float, ...] = (),
 ) -> dict[str, CameraInfo]:
     """Return the infos of a rectified rig, keyed ``left``, ``right`` and ``projector``, with the header's stamp.
 
-    The cameras need no rectification: D is zero, R the identity, and K the left part of P. The right P[3] is
-    -fx times the baseline; the projector's P is the whole map from the left optical frame to its device pixels.
+    R is the identity, K the left part of P, and D the ``lens`` of both cameras; without one they need no rectification.
+    The right P[3] is -fx times the baseline; the projector's P is the whole map from the left optical frame to its
+    device pixels.
 
     ``projector_size`` : (width, height) of the projector's device in pixels. ``frame_prefix`` stands before the frames'
     names, as robot_state_publisher's parameter of this name.
     """
-    left = camera_info(header, frame_prefix + FRAMES["left"], rig.image_size, rig.P_left, camera_matrix(rig.P_left))
-    right = camera_info(header, frame_prefix + FRAMES["right"], rig.image_size, rig.P_right, camera_matrix(rig.P_right))
+    left, right = (
+        camera_info(header, frame_prefix + FRAMES[side], rig.image_size, P, camera_matrix(P), lens)
+        for side, P in (("left", rig.P_left), ("right", rig.P_right))
+    )
     projector = camera_info(
         header, frame_prefix + FRAMES["projector"], projector_size,
         rig.P_projector, rig.projector_matrix, rig.projector_distortion,

@@ -21,17 +21,25 @@ ENCODING_OF = {pixel: encoding for encoding, pixel in GREY_TYPES.items()}
 
 
 class HeadPublisher:
-    """Publish exposures of a rectified rig on a head's topics.
+    """Publish exposures of a rig on a head's topics.
 
     ``projector_size`` : (width, height) of the projector's device in pixels, for its camera info. ``frame_prefix``
-    stands before the names of all frames.
+    stands before the names of all frames; ``lens`` is the distortion of both cameras, in OpenCV's order.
     """
 
-    def __init__(self, node: Any, rig: StereoRig, projector_size: tuple[int, int], frame_prefix: str = "") -> None:
+    def __init__(
+        self,
+        node: Any,
+        rig: StereoRig,
+        projector_size: tuple[int, int],
+        frame_prefix: str = "",
+        lens: tuple[float, ...] = (),
+    ) -> None:
         self.frames = {device: frame_prefix + frame for device, frame in FRAMES.items()}
         self._frame_prefix = frame_prefix
         self._rig = rig
         self._projector_size = projector_size
+        self._lens = lens
         self._heard_at_s: float | None = None
         self._images = {side: self._publisher(node, Image, f"{side}/image_raw") for side in ("left", "right")}
         self._state = self._publisher(node, JointState, "projector/state")
@@ -61,7 +69,7 @@ class HeadPublisher:
             self._infos[device].publish(info)
 
     def _infos_at(self, stamp: Any) -> dict[str, CameraInfo]:
-        return camera_infos(self._rig, Header(stamp=stamp), self._projector_size, self._frame_prefix)
+        return camera_infos(self._rig, Header(stamp=stamp), self._projector_size, self._frame_prefix, self._lens)
 
     def publish(self, stamp: Any, left: GreyImage, right: GreyImage, state: ProjectorState) -> None:
         """Publish one exposure: camera infos and state first, then the images (H, W), uint8 or uint16."""

@@ -1,0 +1,108 @@
+"""The cameras' lenses: the pinhole view that is rendered for a bent, supersampled picture, and the way between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from moire_sensor.camera_info import Calibration
+from moire_sensor.projection import distort_pixels
+from moire_sensor.rectify import RectifiedPair
+from moire_sensor.resample import fill_sampled
+from moire_sensor.rig import StereoRig
+from moire_sim.device_view import DeviceView
+from moire_sim.errors import SimulatorError
+from moire_sim.optics import Optics
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.float32]
+# What cubic interpolation reaches beyond a place.
+REACH_PX = 2
+# A lens that looks further out than this share of the image needs more pixels than it is worth.
+MAX_MARGIN = 0.5
+ITERATIONS, SOLVED_PX = 100, 1e-6
+# No grey level comes near: the light of a picture is not cut off before the camera exposes it.
+BRIGHTEST = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class CameraLens:
+    """One camera's bent pixels in the pinhole picture rendered for them.
+
+    Attributes
+    ----------
+    fine_view : the pinhole to render: ``samples`` times finer, with a margin for what the lens sees further out.
+    places : (samples H, samples W, 2) float32, column and row of each sample in the fine picture; None: the same ones.
+    samples : samples of a pixel along rows and along columns.
+    """
+
+    fine_view: DeviceView
+    places: Image | None
+    samples: int
+
+    @classmethod
+    def of(cls, view: DeviceView, optics: Optics) -> CameraLens:
+        """Work out the fine view of a camera; raises SimulatorError for a lens that bends too much."""
+        samples = optics.supersampling
+        if not optics.lens:
+            return cls(finer(view, samples, (0, 0)), None, samples)
+        ideal = ideal_places(view, optics.lens, samples)
+        width, height = view.size
+        outside = np.maximum(-ideal.min(axis=(0, 1)), ideal.max(axis=(0, 1)) - (width - 1.0, height - 1.0))
+        if not (np.isfinite(ideal).all() and np.all(outside < np.multiply(view.size, MAX_MARGIN))):
+            raise SimulatorError(
+                f"a lens with k1, k2, p1, p2, k3 = {', '.join(f'{value:g}' for value in optics.lens)} folds its image "
+                "or looks too far out; use smaller coefficients"
+            )
+        margin = np.maximum(np.ceil(outside), 0.0).astype(int) + REACH_PX
+        places = samples * (ideal + margin) + (samples - 1) / 2.0
+        fine = finer(view, samples, (int(margin[0]), int(margin[1])))
+        return cls(fine, np.ascontiguousarray(places, dtype=np.float32), samples)
+
+    def photograph(self, fine: Image, blur_px: float) -> Image:
+        """Bring a fine picture to the camera's pixels (H, W): blurred by the lens, bent, averaged over each pixel."""
+        if blur_px > 0.0:
+            fine = np.asarray(cv2.GaussianBlur(fine, (0, 0), blur_px * self.samples, borderType=cv2.BORDER_REPLICATE))
+        if self.places is not None:
+            bent = np.empty(self.places.shape[:2], dtype=np.float32)
+            fill_sampled(np.ascontiguousarray(fine, dtype=np.float32), self.places, np.float32(BRIGHTEST), bent)
+            fine = np.maximum(bent - np.float32(0.5), np.float32(0.0))  # it rounds halves up, for whole grey levels
+        height, width = (length // self.samples for length in fine.shape)
+        mean = fine.reshape(height, self.samples, width, self.samples).mean(axis=(1, 3))
+        return np.asarray(mean, dtype=np.float32)
+
+
+def finer(view: DeviceView, samples: int, margin_px: tuple[int, int]) -> DeviceView:
+    """Return the pinhole with ``samples`` pixels for one, and more pixels on each side."""
+    scale = np.diag([samples, samples, 1.0])
+    scale[:2, 2] = [samples * margin + (samples - 1) / 2.0 for margin in margin_px]
+    width, height = (samples * (length + 2 * margin) for length, margin in zip(view.size, margin_px, strict=True))
+    return DeviceView(scale @ view.intrinsic, view.device_from_left, (width, height))
+
+
+def ideal_places(view: DeviceView, lens: tuple[float, ...], samples: int) -> Array:
+    """Pixels (samples H, samples W, 2) of the pinhole that the samples of the bent pixels see; NaN of a folded lens."""
+    columns, rows = (
+        (np.arange(samples * length, dtype=np.float64) + 0.5) / samples - 0.5 for length in view.size
+    )
+    bent = np.stack(np.meshgrid(columns, rows), axis=-1)
+    ideal = bent.copy()
+    for _ in range(ITERATIONS):
+        missing = bent - distort_pixels(ideal, view.intrinsic, lens)
+        ideal += missing
+        if not np.isfinite(missing).all() or np.abs(missing).max() < SOLVED_PX:
+            return ideal
+    return np.full_like(ideal, np.nan)
+
+
+def rectification(rig: StereoRig, optics: Optics) -> RectifiedPair:
+    """Return what turns the head's pictures into those of its rig, as a driver learns from the camera infos."""
+    size = rig.image_size
+    left, right = (
+        Calibration(name, size, P[:, :3], optics.lens, np.eye(3), P).raw_map()
+        for name, P in (("left", rig.P_left), ("right", rig.P_right))
+    )
+    return RectifiedPair(rig, left, right, size)

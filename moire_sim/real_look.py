@@ -1,0 +1,56 @@
+"""Both cameras' views of a moment through real optics, from rendered geometry."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from moire_sensor.rig import StereoRig
+from moire_sim.camera_lens import CameraLens
+from moire_sim.device_view import DeviceView
+from moire_sim.fringe_image import light_surfaces
+from moire_sim.meshes import Body, LoadedBody
+from moire_sim.moment import Moment
+from moire_sim.optics import Optics
+from moire_sim.real_view import Finishes, RealView, finish_of
+
+if TYPE_CHECKING:
+    from moire_sim.render_geometry import GeometryRenderer
+
+
+class RealLook:
+    """Render what real optics need; ``views`` are left, right and projector."""
+
+    def __init__(
+        self,
+        renderer: GeometryRenderer,
+        rig: StereoRig,
+        views: tuple[DeviceView, ...],
+        optics: Optics,
+        bodies: tuple[Body | LoadedBody, ...],
+    ) -> None:
+        self._renderer, self._rig, self._optics = renderer, rig, optics
+        self._cameras, self._projector = views[:2], views[2]
+        self._lenses = tuple(CameraLens.of(view, optics) for view in self._cameras)
+        self._finishes = tuple(finish_of(body.finish, optics) for body in bodies)
+
+    def __call__(self, moment: Moment) -> tuple[RealView, RealView]:
+        """Go to a moment and look at it."""
+        self._renderer.go_to(moment)
+        lamp = self._renderer.render(self._projector)
+        left, right = (
+            self._view(camera, lens, lamp.depth_m) for camera, lens in zip(self._cameras, self._lenses, strict=True)
+        )
+        return left, right
+
+    def _view(self, camera: DeviceView, lens: CameraLens, lamp_depth_m: np.ndarray) -> RealView:
+        seen = self._renderer.render(lens.fine_view, with_bodies=True)
+        surfaces = light_surfaces(
+            self._rig, lens.fine_view, seen.depth_m, seen.albedo, self._projector, lamp_depth_m
+        )
+        assert seen.body is not None
+        finishes = Finishes(seen.body, self._finishes, self._renderer.rest_from_left())
+        safe = np.nan_to_num(surfaces.points_m, nan=1.0)
+        device_px = self._rig.projector_pixels(safe)
+        return RealView.of(lens, surfaces, finishes, self._projector, device_px, self._optics, camera.size)
