@@ -24,11 +24,17 @@ class NodeProcess:
     @classmethod
     def start(cls, name: str, parameters: Sequence[str], log: Path) -> NodeProcess:
         """Start an executable with parameters such as ``"rate_hz:=10.0"``."""
+        return cls.run([str(Path(sysconfig.get_path("scripts")) / name)], parameters, log)
+
+    @classmethod
+    def run(cls, command: Sequence[str], parameters: Sequence[str], log: Path) -> NodeProcess:
+        """Start any command that takes parameters as the executables do; the last word is its name."""
         arguments = ["--ros-args", *(part for parameter in parameters for part in ("-p", parameter))]
-        command = [str(Path(sysconfig.get_path("scripts")) / name), *arguments]
         with log.open("wb") as output:
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT)
-        return cls(name, process, log)
+            process = subprocess.Popen(
+                [*command, *arguments], stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
+            )
+        return cls(Path(command[-1]).name, process, log)
 
     def ended_badly(self) -> bool:
         """Tell whether it has ended with an exit code other than 0."""
