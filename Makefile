@@ -3,7 +3,7 @@ PYTHON ?=
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup demo test check bench figures docs help
+.PHONY: setup demo view test check bench figures docs help
 
 setup: ## make .venv and install into it
 	@python="$(or $(PYTHON),python3)"; \
@@ -14,6 +14,10 @@ setup: ## make .venv and install into it
 demo: setup ## run head and reconstruction, check the depth, write demo/report.html; CAPTURE=folder plays a capture
 	@$(BIN)/python -m tools.warm_kernels
 	@$(BIN)/python -m tools.demo.run $(if $(CAPTURE),--capture "$(CAPTURE)")
+
+view: setup ## virtual head, reconstruction and their live view as a web page, until Ctrl-C; SCENE=room PORT=8080
+	@$(BIN)/python -m tools.warm_kernels
+	@$(BIN)/python -m tools.view $(if $(SCENE),--scene "$(SCENE)") $(if $(PORT),--port "$(PORT)")
 
 check: setup ## lint and types
 	$(BIN)/ruff check .

@@ -12,7 +12,7 @@ import pytest
 from source_scan import ROOT
 from test_ros_diagnostics import CONCERNS
 
-from moire_sensor.ros import bag_recorder, bag_topics, capture_player_node, reconstruction_settings
+from moire_sensor.ros import bag_recorder, bag_topics, capture_player_node, reconstruction_settings, viewer_node
 from moire_sensor.ros.result_messages import TOPICS
 from moire_sensor.ros.thresholds import Thresholds
 from moire_sim import virtual_head_node
@@ -22,7 +22,8 @@ LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 PARAMETERS = {
     spec.name
     for specs in (
-        virtual_head_node.SPECS, reconstruction_settings.SPECS, capture_player_node.SPECS, bag_recorder.PARAMETERS
+        virtual_head_node.SPECS, reconstruction_settings.SPECS, capture_player_node.SPECS, bag_recorder.PARAMETERS,
+        viewer_node.SPECS,
     )
     for spec in specs
 }  # fmt: skip

@@ -19,7 +19,7 @@ from ros_head import Listener, pixels, running
 from ros_process import TIMEOUT_S, ros_node
 from sensor_msgs.msg import Image, PointCloud2
 
-from moire_sensor.ros import bag_topics, capture_player_node, reconstruction_settings
+from moire_sensor.ros import bag_topics, capture_player_node, reconstruction_settings, viewer_node
 from moire_sensor.ros.parameters import ParameterSpec
 from moire_sensor.ros.result_messages import TOPICS
 from moire_sim import virtual_head_node
@@ -29,10 +29,11 @@ SPECS: dict[str, tuple[ParameterSpec, ...]] = {
     "head": virtual_head_node.SPECS,
     "player": capture_player_node.SPECS,
     "reconstruction": reconstruction_settings.SPECS,
+    "viewer": viewer_node.SPECS,
 }
 
 
-OWN_EXECUTABLES = {"virtual_head", "reconstruction", "capture_player", "moire_demo"}
+OWN_EXECUTABLES = {"virtual_head", "reconstruction", "capture_player", "moire_demo", "moire_viewer"}
 OTHERS_EXECUTABLES = {"robot_state_publisher", "static_transform_publisher", "rviz2"}
 LAUNCH_FILES = {path.name.removesuffix(".launch.py") for path in (ROOT / "launch").glob("*.py")}
 HEAD_TOPICS = {"robot_description", "joint_states", *(topic.name for topic in bag_topics.HEAD_TOPICS)}

@@ -105,10 +105,10 @@ class ViewerNode(Node):  # type: ignore[misc]
             depth_m = depth_of(message)
             self._known = known_share(depth_m)
             self._scale = depth_scale(depth_m, self._values["near_m"], self._values["far_m"])
-            note = f"{self._scale.low:.2f} m (dark) to {self._scale.high:.2f} m (bright); striped: unknown"
+            note = f"{self._scale.low:.2f} to {self._scale.high:.2f} m, stripes: unknown"
             page.show_picture(name, scale_picture(depth_m, self._scale), note)
         elif name == "confidence":
-            page.show_picture(name, scale_picture(confidence_of(message), CONFIDENCE), "0 (dark) to 1 (bright)")
+            page.show_picture(name, scale_picture(confidence_of(message), CONFIDENCE), "0 (dark) to 1")
         else:
             page.show_picture(name, grey_picture(name, message), "")
 

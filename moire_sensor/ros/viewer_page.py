@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ipaddress
 import socket
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,15 +12,18 @@ from moire_sensor.errors import SettingsError
 from moire_sensor.ros.viewer_pictures import Floats, Picture
 
 LABELS = {"left": "left camera", "right": "right camera", "depth": "depth", "confidence": "confidence"}
-PANELS = (("cameras", ("left", "right")), ("results", ("depth", "confidence")))
-PANEL_PX = 330
+CAMERAS, RESULTS = ("left", "right"), ("depth", "confidence")
+PANEL_PX = 300
 EMPTY = np.full((480, 640, 3), 235, dtype=np.uint8)
 BY_DEPTH, BY_BRIGHTNESS = "depth", "brightness"
-POINT_M = 0.0025
+# Size of a point, times its distance from the camera: the gap between points is about that much.
+POINT_SIZE = 0.0025
 AXES_M = 0.05
 JPEG_QUALITY = 85
-# Where one looks from first, and after the button: times the distance of the cloud, in the left optical frame.
-EYE = np.array([0.55, -0.45, -0.15])
+# Where one looks at the cloud from, in the left optical frame: from behind, above and beside the camera, this many
+# times the radius away that holds nine of ten points.
+EYE = np.array([0.45, -0.35, -0.82])
+DISTANCE, RADIUS_PERCENT = 1.9, 90
 
 
 def resolve_host(host: str) -> tuple[str, bool]:
@@ -76,7 +78,8 @@ class ViewerPage:
             raise SettingsError(f"port {port} of {address} was taken just now; choose another with -p port:=NUMBER")
         host = f"[{address}]" if ":" in address else address
         self.url = f"http://{host}:{self._server.get_port()}"
-        self._looked_from: set[int] = set()
+        self._looking: set[int] = set()
+        self._cloud: Any = None
         self._build()
 
     def browsers(self) -> int:
@@ -98,16 +101,19 @@ class ViewerPage:
 
     def show_cloud(self, points_m: Floats, colours: Picture) -> None:
         """Show points (N, 3) in metres, left optical frame, with their colours (N, 3)."""
-        with self._server.atomic():
-            self._cloud.points = points_m
-            self._cloud.colors = colours
-        if len(points_m):
-            middle = np.median(points_m, axis=0)
-            clients = self._server.get_clients()
-            self._looked_from &= clients.keys()
-            for number in clients.keys() - self._looked_from:
-                _look_at(clients[number], middle)
-                self._looked_from.add(number)
+        if self._cloud is None:
+            self._cloud = self._server.scene.add_point_cloud(
+                "/cloud", points_m, colours, point_size=POINT_SIZE, precision="float32", point_shading="flat"
+            )
+        else:
+            with self._server.atomic():
+                self._cloud.points = points_m
+                self._cloud.colors = colours
+        clients = self._server.get_clients()
+        self._looking &= clients.keys()
+        for number in clients.keys() - self._looking if len(points_m) else ():
+            self._look(clients[number], points_m)
+            self._looking.add(number)
 
     def show_facts(self, markdown: str) -> None:
         """Show the table of rates and what is wrong."""
@@ -123,31 +129,29 @@ class ViewerPage:
         server.scene.set_up_direction("-y")
         server.scene.add_frame("/left_camera", axes_length=AXES_M, axes_radius=AXES_M / 20)
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        nothing = np.zeros((0, 3), dtype=np.float32)
-        self._cloud = server.scene.add_point_cloud(
-            "/cloud", nothing, nothing.astype(np.uint8), point_size=POINT_M, precision="float32", point_shading="flat"
-        )
         self._facts = server.gui.add_markdown("waiting for the first messages")
-        self._colour = server.gui.add_dropdown("colour of the cloud", (BY_DEPTH, BY_BRIGHTNESS))
-        self._again = server.gui.add_button("look at the cloud again")
-        self._again.on_click(lambda event: self._looked_from.clear())
-        self._pictures: Mapping[str, Any] = {}
-        for place, (title, names) in enumerate(PANELS):
-            panel = server.gui.add_panel()
-            with panel.add_tab(title):
-                self._pictures |= {name: _picture(server, name) for name in names}
-            (panel.dock_right if place else panel.dock_left)()
+        pictures = {name: _picture(server, name) for name in CAMERAS}
+        results = server.gui.add_panel()
+        with results.add_tab("results"):
+            self._pictures = pictures | {name: _picture(server, name) for name in RESULTS}
+            self._colour = server.gui.add_dropdown("cloud's colour", (BY_DEPTH, BY_BRIGHTNESS))
+            again = server.gui.add_button("look at the cloud again")
+        again.on_click(lambda event: self._looking.clear())
+        for panel, dock in ((server.gui.main_panel, "dock_left"), (results, "dock_right")):
+            getattr(panel, dock)()
             panel.set_width(PANEL_PX)
+
+    def _look(self, client: Any, points_m: Floats) -> None:
+        middle = np.median(points_m, axis=0)
+        radius_m = np.percentile(np.linalg.norm(points_m - middle, axis=1), RADIUS_PERCENT)
+        self._cloud.point_size = POINT_SIZE * float(middle[2])
+        with client.atomic():
+            client.camera.position = middle + EYE * DISTANCE * radius_m
+            client.camera.look_at = middle
 
 
 def _picture(server: Any, name: str) -> Any:
     return server.gui.add_image(EMPTY, label=LABELS[name], format="jpeg", jpeg_quality=JPEG_QUALITY)
-
-
-def _look_at(client: Any, middle: Any) -> None:
-    with client.atomic():
-        client.camera.position = middle * np.array([1.0, 1.0, 0.0]) + EYE * middle[2]
-        client.camera.look_at = middle
 
 
 def _local_server(address: str, port: int, title: str) -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from moire_sensor.nav_cloud import NavSettings
-from moire_sensor.ros import bag_recorder, capture_player_node, projector_state, reconstruction_settings
+from moire_sensor.ros import bag_recorder, capture_player_node, projector_state, reconstruction_settings, viewer_node
 from moire_sensor.ros.bag_options import SETTINGS, make_parser
 from moire_sensor.ros.parameters import ParameterSpec, specs_of
 from moire_sensor.ros.thresholds import Thresholds
@@ -113,6 +113,7 @@ def parameter_groups() -> list[tuple[str, Sequence[ParameterSpec]]]:
         *((f"reconstruction: {name}", specs) for name, specs in tuned.items()),
         ("capture_player", capture_player_node.SPECS),
         ("record_bag", bag_recorder.PARAMETERS),
+        ("moire_viewer", viewer_node.SPECS),
     ]
 
 
