@@ -11,6 +11,7 @@ import numpy as np
 from tools.bench.accuracy import Record
 from tools.bench.conditions import DEFAULT
 from tools.bench.dot_scan import Trial
+from tools.bench.latency import LatencyRecord
 from tools.bench.makers import MakerRecord
 from tools.bench.speed import SpeedRecord
 from tools.bench.tables import Table, number, percent
@@ -143,6 +144,22 @@ def speed_table(records: Sequence[SpeedRecord], note: str) -> Table:
         rows.append(tuple(row))
     columns = [text for count in threads for text in (f"ms, {count} thread{'s' * (count > 1)}", "ratio")]
     return Table("Speed", note, ("images, depth range", "method", *columns), tuple(rows))
+
+
+def latency_table(records: Sequence[LatencyRecord], note: str) -> Table:
+    """Lay out what became of the sets, and how late the results came."""
+    rows = [
+        (
+            one.case.name,
+            *(str(count) for count in (one.exposures, one.results, one.lost, one.superseded)),
+            number(one.hz, 1),
+            number(one.latency_ms(50.0), 1),
+            number(one.latency_ms(99.0), 1),
+        )
+        for one in records
+    ]
+    columns = ("subscribed", "sets", "results", "lost", "superseded", "Hz", "p50 ms", "p99 ms")
+    return Table("Over DDS", note, columns, tuple(rows))
 
 
 def scan_table(trials: Sequence[Trial], note: str) -> Table:

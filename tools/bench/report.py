@@ -9,6 +9,7 @@ from tools.bench.block_matching import LEFT_RIGHT_PX, SPECK_AREA_PX, UNIQUENESS_
 from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, PLAIN_AMBIENT, TEXTURED
 from tools.bench.figures import (
     condition_rows,
+    latency_table,
     maker_table,
     not_ahead,
     scan_table,
@@ -76,6 +77,12 @@ SPEED_NOTE = (
     " Idle kernel threads sleep (OMP_WAIT_POLICY=passive), as in the nodes. On a busy machine the milliseconds are too"
     " high; the ratios suffer less."
 )
+LATENCY_NOTE = (
+    "Head, reconstruction and this listener as processes on the same cores, 640x480, a still scene, `dense`, 60 s at"
+    " 30 Hz: what became of the sets, and the time from the exposure's stamp to the arrival of the cloud (all outputs)"
+    " or of the depth image. Superseded: overtaken by newer ones, as the machine was too slow. Last row: pictures made"
+    " once, sent as fast as results come. From import to first depth in a new process, kernels cached: {:.1f} s."
+)
 SCAN_NOTE = (
     "How the peers' settings were chosen: mean share of the co-visible pixels right within 1, 1/2 and 1/4 px, less the"
     " share of ghosts, on cylinder_and_box and tilt_0.5; the best of each matcher is used above. SGBM HH was tried on"
@@ -101,6 +108,8 @@ def tables_of(results: Results) -> list[Table]:
         tables.append(maker_table(results.makers, MAKER_NOTE))
     if results.speeds:
         tables.append(speed_table(results.speeds, SPEED_NOTE))
+    if results.latencies:
+        tables.append(latency_table(results.latencies, LATENCY_NOTE.format(results.first_frame_s)))
     if results.trials:
         tables.append(scan_table(results.trials, SCAN_NOTE))
     return tables

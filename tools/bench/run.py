@@ -12,13 +12,14 @@ from moire_sim.analytic_scenes import analytic_scene_names
 from tools.bench.accuracy import Record, scene_records
 from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, PLAIN_AMBIENT, TEXTURED, Condition
 from tools.bench.dot_scan import DOTS_PX, SCAN_SCENES, Trial, best_settings, mean_trials, trials_of_dots
+from tools.bench.latency import CASES, LatencyRecord, first_frame_of_room_s, latency_records
 from tools.bench.makers import DISTANCES_M, MakerRecord, maker_records
 from tools.bench.methods import OURS, PEERS, DotMethod, Method
 from tools.bench.report import tables_of, write_report
 from tools.bench.speed import SpeedRecord, cases, speed_records
 from tools.bench.tasks import Task, done, progress
 
-PARTS = ("scan", "scenes", "conditions", "light", "makers", "speed")
+PARTS = ("scan", "scenes", "conditions", "light", "makers", "speed", "latency")
 # Light on these alone: a plane, slopes, solids, thin things.
 LIGHT_SCENES = ("plane_1000", "tilt_0.5", "waves", "cylinder_and_box", "spheres", "thin_poles")
 DOCS = Path("docs")
@@ -33,6 +34,8 @@ class Results:
     records: list[Record] = field(default_factory=list)
     makers: list[MakerRecord] = field(default_factory=list)
     speeds: list[SpeedRecord] = field(default_factory=list)
+    latencies: list[LatencyRecord] = field(default_factory=list)
+    first_frame_s: float = float("nan")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -83,6 +86,9 @@ def measure(options: argparse.Namespace) -> Results:
         dots = results.peers[0]
         for some in progress(speed_records(methods, dots, chosen), "speed", len(chosen)):
             results.speeds += some
+    if "latency" in options.parts:
+        results.first_frame_s = first_frame_of_room_s()
+        results.latencies = list(progress(latency_records(CASES), "latency", len(CASES)))
     return results
 
 
