@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from typing import Any
 
 from rclpy.node import Node
 
@@ -46,10 +47,13 @@ SPECS = (
 
 
 class ViewerNode(Node):  # type: ignore[misc]
-    """Subscribe while a browser shows the page; at each tick show the newest message of each topic."""
+    """Subscribe while a browser shows the page; at each tick show the newest message of each topic.
 
-    def __init__(self) -> None:
-        super().__init__("moire_viewer", namespace=NAMESPACE)
+    ``options`` go to rclpy's Node.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("moire_viewer", namespace=NAMESPACE, **options)
         self._values = declare(self, SPECS)
         refuse_unknown(self)
         self._inputs = ViewerInputs(self)
@@ -94,7 +98,7 @@ class ViewerNode(Node):  # type: ignore[misc]
         else:
             self._inputs.note_shown(name)
 
-    def _show(self, name: str, message: object) -> None:
+    def _show(self, name: str, message: Any) -> None:
         page = self._page
         if name == "cloud":
             points = points_of(message, self._values["max_points"])

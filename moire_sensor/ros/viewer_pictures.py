@@ -23,7 +23,7 @@ COLOURS = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMA
 STRIPES, STRIPE_PX = np.array([[255, 255, 255], [205, 205, 205]], dtype=np.uint8), 8
 DEPTH_TYPES: dict[str, np.dtype[Any]] = {"32FC1": np.dtype(np.float32), "16UC1": np.dtype(np.uint16)}
 CONFIDENCE_TYPES: dict[str, np.dtype[Any]] = {"32FC1": np.dtype(np.float32)}
-MILLIMETRE = np.float32(1e-3)
+MILLIMETRES = np.float32(1000)  # in a metre
 # The automatic scale leaves out this much of either end, and moves in steps, so that noise does not move it.
 SPARE_PERCENT, SCALE_STEP_M = 1.0, 0.1
 
@@ -64,7 +64,7 @@ def depth_of(message: Image) -> Floats:
     """Return depth (H, W) in metres, NaN where unknown, of a 32FC1 or 16UC1 message; raises ImageError."""
     values = typed_image("depth", message, DEPTH_TYPES)
     if values.dtype == np.uint16:
-        return np.where(values, values * MILLIMETRE, np.float32(np.nan))
+        return np.where(values, values / MILLIMETRES, np.float32(np.nan))
     return values
 
 
