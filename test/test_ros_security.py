@@ -72,6 +72,20 @@ def in_graph_or_nothing(asker: Any, node: str) -> dict[str, set[str]]:
     return in_graph(asker, node) if known else {}
 
 
+def test_two_nodes_of_one_process_have_the_rights_of_both() -> None:
+    root = ET.parse(resource_path("config/sros2_policy.xml")).getroot()
+    alone, together = (
+        [
+            ET.tostring(profile, encoding="unicode").split()
+            for enclave in enclaves
+            for profile in root.findall(f".//enclave[@path='{NAMESPACE}/{enclave}']/profiles/profile")
+        ]
+        for enclaves in (("reconstruction", "virtual_head"), ("moire_demo",))
+    )
+    assert len(together) == 2
+    assert together == alone
+
+
 def test_the_policy_is_shaped_as_sros2_reads_it() -> None:
     """Element names, attributes and nesting of its schema, version 0.2.0."""
     root = ET.parse(resource_path("config/sros2_policy.xml")).getroot()
