@@ -41,5 +41,6 @@ help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile | sort | expand -t 10
 
 # CAPTURE=folder shows a recorded capture instead, in demo/figures. Idle kernel threads sleep, as in the executables.
-figures: setup ## the paper's experiments, into docs/figures.md
+figures: setup ## the paper's experiments, into docs/figures.md, and the other pictures of the documentation
 	@OMP_WAIT_POLICY=passive $(BIN)/python -m tools.figures.run $(if $(CAPTURE),--capture "$(CAPTURE)")
+	$(if $(CAPTURE),,@$(BIN)/python -m tools.docs.pictures)
