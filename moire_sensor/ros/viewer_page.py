@@ -23,7 +23,7 @@ JPEG_QUALITY = 85
 # Where one looks at the cloud from, in the left optical frame: from behind, above and beside the camera, this many
 # times the radius away that holds nine of ten points.
 EYE = np.array([0.45, -0.35, -0.82])
-DISTANCE, RADIUS_PERCENT = 1.9, 90
+DISTANCE, RADIUS_PERCENT = 1.6, 90
 
 
 def resolve_host(host: str) -> tuple[str, bool]:
