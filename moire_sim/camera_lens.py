@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.camera_info import Calibration
-from moire_sensor.projection import distort_pixels
 from moire_sensor.rectify import RectifiedPair
 from moire_sensor.resample import fill_sampled
 from moire_sensor.rig import StereoRig
@@ -88,14 +87,33 @@ def ideal_places(view: DeviceView, lens: tuple[float, ...], samples: int) -> Arr
     columns, rows = (
         (np.arange(samples * length, dtype=np.float64) + 0.5) / samples - 0.5 for length in view.size
     )
-    bent = np.stack(np.meshgrid(columns, rows), axis=-1)
-    ideal = bent.copy()
+    (fx, skew, cx), (_, fy, cy), _ = view.intrinsic
+    bent_y = np.broadcast_to((rows[:, None] - cy) / fy, (rows.size, columns.size))
+    bent_x = (columns - cx - skew * bent_y) / fx
+    x, y = bent_x.copy(), bent_y.copy()
     for _ in range(ITERATIONS):
-        missing = bent - distort_pixels(ideal, view.intrinsic, lens)
-        ideal += missing
-        if not np.isfinite(missing).all() or np.abs(missing).max() < SOLVED_PX:
-            return ideal
-    return np.full_like(ideal, np.nan)
+        seen_x, seen_y = distorted(x, y, lens)
+        missing_x, missing_y = bent_x - seen_x, bent_y - seen_y
+        x += missing_x
+        y += missing_y
+        largest_px = fx * max(np.abs(missing_x).max(), np.abs(missing_y).max())
+        if largest_px < SOLVED_PX:
+            return np.stack([fx * x + skew * y + cx, fy * y + cy], axis=-1)
+        if not largest_px < sum(view.size):
+            break
+    return np.full((*x.shape, 2), np.nan)
+
+
+def distorted(x: Array, y: Array, lens: tuple[float, ...]) -> tuple[Array, Array]:
+    """Bend normal coordinates by k1, k2, p1, p2, k3 (Brown 1966, Conrady 1919), as OpenCV does."""
+    k1, k2, p1, p2, k3 = lens
+    xx, yy, xy = x * x, y * y, x * y
+    squared = xx + yy
+    radial = 1.0 + squared * (k1 + squared * (k2 + squared * k3))
+    return (
+        np.asarray(x * radial + 2.0 * p1 * xy + p2 * (squared + 2.0 * xx)),
+        np.asarray(y * radial + p1 * (squared + 2.0 * yy) + 2.0 * p2 * xy),
+    )
 
 
 def rectification(rig: StereoRig, optics: Optics) -> RectifiedPair:

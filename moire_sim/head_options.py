@@ -38,8 +38,8 @@ class HeadOptions:
             raise SettingsError(f"bits is {self.bits}; it must be 8, 12 or 16")
 
 
-# With photon noise, what is left of the noise is that of reading a pixel: 20 electrons.
-PRESETS = {"clean": HeadOptions(), "realistic": HeadOptions(light=Light(ambient=30.0), noise=0.5, optics=REAL)}
+# With photon noise, what is left of the noise is that of reading a pixel: 6 electrons.
+PRESETS = {"clean": HeadOptions(), "realistic": HeadOptions(light=Light(ambient=30.0), noise=0.15, optics=REAL)}
 
 
 def preset(name: str) -> HeadOptions:

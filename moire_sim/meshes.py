@@ -16,8 +16,8 @@ from moire_sim.finish import Finish
 Array = npt.NDArray[np.float64]
 # A facet of 2 pi / 1024 lies 1.4 micrometres inside a cylinder of 0.3 m.
 CYLINDER_SIDES = 1024
-# Of things round in two directions: a facet of 2 pi / 240 lies 43 micrometres inside a sphere of 0.5 m.
-ROUND_SIDES = 240
+# Of things round in two directions: a facet of 2 pi / 320 lies 24 micrometres inside a sphere of 0.5 m.
+ROUND_SIDES = 320
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ def arc(centre_y_m: float, radius_m: float, first_rad: float, last_rad: float, c
 
 
 def sphere(centre_m: tuple[float, float, float], radius_m: float, albedo: float) -> Body:
-    """Sphere; its facets lie within radius / 10000 of it."""
+    """Sphere; its facets lie within radius / 20000 of it."""
     x, y, z = centre_m
     return round_body(x, z, arc(y, radius_m, 0.0, math.pi, ROUND_SIDES // 2 + 1), albedo)
 

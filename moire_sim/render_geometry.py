@@ -23,6 +23,7 @@ from moire_sim.meshes import Body, LoadedBody, to_obj
 from moire_sim.moment import Moment
 from moire_sim.render_maths import FAR_M, NEAR_M, clip_from_device, column_major, quaternion
 from moire_sim.scene_file import Scene
+from moire_sim.scene_shapes import sdf_poses
 
 Array = npt.NDArray[np.float64]
 LEFT_OPTICAL_FRAME = "head_left_optical_frame"
@@ -170,7 +171,8 @@ class GeometryRenderer:
                     f"body {number} of the scene cannot be loaded from {body.path}{reason}; check the file, and the "
                     "meshes that it names"
                 )
-            poses = {one: body.pose @ self._pose(one) for one in placed}
+            within = sdf_poses(body.path) if body.kind == "sdf" else [np.eye(4)] * len(placed)
+            poses = {one: body.pose @ own @ self._pose(one) for one, own in zip(placed, within, strict=True)}
             for one, pose in poses.items():
                 self._place(one, pose)
             return poses

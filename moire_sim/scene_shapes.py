@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.errors import quoted
-from moire_sim.body_motion import Motion, Swing, turn_about
+from moire_sim.body_motion import Motion, Swing, Vector, turn_about
 from moire_sim.body_motion import Path as Way
 from moire_sim.errors import SceneError
 from moire_sim.finish import Finish
@@ -94,12 +95,40 @@ def loaded_of(kind: str, fields: Fields, albedo: float, folder: Path) -> LoadedB
     """Body from a file, whose own frame is x ahead, y left, z up as of a robot."""
     path = checked_file(folder / fields.text("file"), kind, fields.place)
     position = fields.vector("position_m", 3, (0.0, 0.0, 0.0))
-    roll, pitch, yaw = fields.vector("rpy_rad", 3, (0.0, 0.0, 0.0))
+    turn = fields.vector("rpy_rad", 3, (0.0, 0.0, 0.0))
     scale = fields.number("scale", 1.0, 1e-6, 1e6) if kind == "mesh" else 1.0
-    pose = WORLD_FROM_FILE @ turn_about((0, 0, 0), (0, 0, 1), yaw)
-    pose = pose @ turn_about((0, 0, 0), (0, 1, 0), pitch) @ turn_about((0, 0, 0), (1, 0, 0), roll)
+    pose = WORLD_FROM_FILE @ placed((0.0, 0.0, 0.0), triple(turn))
     pose[:3, 3] = position
     return LoadedBody(kind, path, pose, scale, albedo)
+
+
+def sdf_poses(path: Path) -> list[Array]:
+    """Pose (4, 4) of each model's first link in an SDF file, which the simulator does not put there itself."""
+    try:
+        root = ET.parse(path).getroot()
+    except ET.ParseError as error:
+        raise SceneError(f"{path} is no XML ({error}); give an SDF file") from None
+    models = [*root.findall("model"), *root.findall("world/model")]
+    return [sdf_pose(model) @ sdf_pose(model.find("link")) for model in models]
+
+
+def sdf_pose(element: ET.Element | None) -> Array:
+    """Pose (4, 4) of an element, whose ``pose`` is x y z roll pitch yaw, metres and radians; the identity without."""
+    text = element.findtext("pose") if element is not None else None
+    try:
+        x, y, z, roll, pitch, yaw = (float(word) for word in (text or "0 0 0 0 0 0").split())
+    except ValueError:
+        raise SceneError(f"the pose {quoted(str(text))} of an SDF file is not six numbers; write x y z r p y") from None
+    return placed((x, y, z), (roll, pitch, yaw))
+
+
+def placed(position_m: Vector, rpy_rad: Vector) -> Array:
+    """Pose (4, 4) of a position and of turns about the fixed axes x, then y, then z."""
+    roll, pitch, yaw = rpy_rad
+    pose = turn_about((0, 0, 0), (0, 0, 1), yaw) @ turn_about((0, 0, 0), (0, 1, 0), pitch)
+    pose = np.asarray(pose @ turn_about((0, 0, 0), (1, 0, 0), roll))
+    pose[:3, 3] = position_m
+    return pose
 
 
 def checked_file(path: Path, kind: str, place: str) -> Path:

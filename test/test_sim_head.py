@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sim_rigs import QUARTER_PROJECTOR, quarter_pattern, quarter_rig
 
 from moire_sensor.errors import SettingsError
 from moire_sensor.paper_rig import CX_PX, CY_PX, FX_PX, FY_PX, PERIOD_PX, paper_pattern, paper_rig
@@ -219,20 +220,13 @@ def test_grey_levels_follow_the_options() -> None:
     assert middle.min() == 30
 
 
-def quarter_rig() -> StereoRig:
-    """The paper's rig with a quarter of its pixels along rows and columns: sixteen times quicker to render."""
-    paper, scale = paper_rig(), np.diag([0.25, 0.25, 1.0])
-    projections = (scale @ P for P in (paper.P_left, paper.P_right, paper.P_projector))
-    return StereoRig.from_projections(*projections, (160, 120))
-
-
 @pytest.mark.parametrize("scene", scene_names())
 def test_every_scene_is_a_fair_task(scene: str) -> None:
     """Table scenes lie within the default depth range; indoor ones go on to 6 m, and many rays meet nothing."""
     indoor = scene in indoor_names()
-    options = HeadOptions(projector_size=(240, 120))
+    options = HeadOptions(projector_size=QUARTER_PROJECTOR)
     with VirtualHead(scene, rig=quarter_rig(), options=options) as head:
-        capture = head.capture(FringePattern(PERIOD_PX / 4.0))
+        capture = head.capture(quarter_pattern())
     assert capture.left.dtype == np.uint8
     assert indoor or np.isfinite(capture.depth_m).all()
     assert np.nanmin(capture.depth_m) > 0.55

@@ -19,6 +19,7 @@ from tools.bench.figures import (
 )
 from tools.bench.makers import REPEATS
 from tools.bench.pictures import draw_errors, draw_speed
+from tools.bench.simulator_report import SHOWN_SCENES, draw_realism, simulator_tables
 from tools.bench.tables import Table
 
 if TYPE_CHECKING:
@@ -110,6 +111,7 @@ def tables_of(results: Results) -> list[Table]:
         tables.append(speed_table(results.speeds, SPEED_NOTE))
     if results.latencies:
         tables.append(latency_table(results.latencies, LATENCY_NOTE.format(results.first_frame_s)))
+    tables += simulator_tables(results.simulator)
     if results.trials:
         tables.append(scan_table(results.trials, SCAN_NOTE))
     return tables
@@ -146,6 +148,10 @@ def write_report(results: Results, folder: Path) -> None:
     if results.speeds:
         draw_speed(results.speeds, images / "bench_speed.png")
         parts.append("![Time against image size](images/bench_speed.png)\n")
+    if results.simulator.realism:
+        shown = [one for one in results.simulator.realism if one.scene in SHOWN_SCENES]
+        draw_realism(shown, images / "bench_realistic.png")
+        parts.append("![Clean and realistic pictures and error maps](images/bench_realistic.png)\n")
     parts.append(PICTURE_NOTE)
     for scene in dict.fromkeys(one.scene for one in results.records if one.error_px is not None):
         path = images / f"bench_{scene.replace('.', '_')}.png"

@@ -16,10 +16,11 @@ from tools.bench.latency import CASES, LatencyRecord, first_frame_of_room_s, lat
 from tools.bench.makers import DISTANCES_M, MakerRecord, maker_records
 from tools.bench.methods import OURS, PEERS, DotMethod, Method
 from tools.bench.report import tables_of, write_report
+from tools.bench.simulator_report import SimulatorResults, measure_simulator
 from tools.bench.speed import SpeedRecord, cases, speed_records
 from tools.bench.tasks import Task, done, progress
 
-PARTS = ("scan", "scenes", "conditions", "light", "makers", "speed", "latency")
+PARTS = ("scan", "scenes", "conditions", "light", "makers", "speed", "latency", "validation", "realistic")
 # Light on these alone: a plane, slopes, solids, thin things.
 LIGHT_SCENES = ("plane_1000", "tilt_0.5", "waves", "cylinder_and_box", "spheres", "thin_poles")
 DOCS = Path("docs")
@@ -36,6 +37,7 @@ class Results:
     speeds: list[SpeedRecord] = field(default_factory=list)
     latencies: list[LatencyRecord] = field(default_factory=list)
     first_frame_s: float = float("nan")
+    simulator: SimulatorResults = field(default_factory=SimulatorResults)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -81,6 +83,7 @@ def measure(options: argparse.Namespace) -> Results:
         results.records = done(tasks, "accuracy")
     if "makers" in options.parts:
         results.makers = done([(maker_records, (distance, methods)) for distance in DISTANCES_M], "trueness")
+    results.simulator = measure_simulator(options.parts)
     if "speed" in options.parts:
         chosen = cases()
         dots = results.peers[0]
