@@ -24,7 +24,7 @@ JUMP_PX = np.float32(1.0)
 # What the first round gives to a surface lets the second trust its neighbours.
 ROUNDS = 2
 # Only pixels so near to a trusted one are looked at; along the row a plane is carried further, across a shadow.
-REACH_PX, ROW_REACH_PX = 14, 48
+REACH_PX, ROW_REACH_PX = 14, 80
 # A pixel leaves its surface only for one that fits better by this share of the amplitude.
 BETTER_SHARE = np.float32(0.03)
 
@@ -52,18 +52,16 @@ def extend(
         Pixels given to another surface have the sigma of their row's match and, as mismatch, the difference of grey
         levels in fringe amplitudes; their signed mismatch is NaN.
     """
-    trust = trusted(match.disparity_px)
-    fresh = trust
+    before = np.zeros(match.disparity_px.shape, dtype=np.bool_)
     for _ in range(ROUNDS):
+        trust = trusted(match.disparity_px)
         result = Match(*(image.copy() for image in match.images()))
         assign(
-            match.disparity_px, trust, near(fresh), claims(match.disparity_px, trust), *greys, phase.background,
-            phase.amplitude, projector.packed(), np.float32(rad_per_px), np.float32(settings.image_noise),
-            np.float32(settings.max_border_misfit), *result.images(),
+            match.disparity_px, trust, near(trust & ~before), claims(match.disparity_px, trust), *greys,
+            phase.background, phase.amplitude, projector.packed(), np.float32(rad_per_px),
+            np.float32(settings.image_noise), np.float32(settings.max_border_misfit), *result.images(),
         )  # fmt: skip
         match, before = result, trust
-        trust = trusted(match.disparity_px)
-        fresh = trust & ~before
     return match
 
 

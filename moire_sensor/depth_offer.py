@@ -10,7 +10,7 @@ from moire_sensor.projector_map import phase_of_disparity
 
 # Trusted pixels have no jump and no hole within so many pixels.
 RIM_PX = 3
-SAME_SURFACE_PX = np.float32(1.5)
+SAME_CLAIM_PX = np.float32(1.5)
 # A small window counts from so many of its fifteen pixels on.
 LEAST_SEEN = 8
 NO_CLAIM = np.float32(-1e9)
@@ -30,7 +30,7 @@ def taken(claim, y, x, disparity):  # type: ignore[no-untyped-def]
     column = int(np.floor(np.float32(x) - disparity + np.float32(0.5)))
     if column < 0 or column >= claim.shape[1]:
         return True
-    return claim[y, column] > NO_CLAIM and abs(claim[y, column] - disparity) > SAME_SURFACE_PX
+    return claim[y, column] > NO_CLAIM and abs(claim[y, column] - disparity) > SAME_CLAIM_PX
 
 
 @njit(inline="always", fastmath=False)

@@ -42,11 +42,6 @@ class Match:
         """Return the four arrays in the order of the fields."""
         return self.disparity_px, self.sigma_px, self.signed_mismatch_rad, self.mismatch_rad
 
-    @classmethod
-    def of(cls, disparity_px: Float32, sigma_px: Float32, signed_mismatch_rad: Float32) -> Match:
-        """Match with the absolute mismatch filled in."""
-        return cls(disparity_px, sigma_px, signed_mismatch_rad, np.abs(signed_mismatch_rad))
-
 
 def refine(
     label: npt.NDArray[np.int8],

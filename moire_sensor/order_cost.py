@@ -62,7 +62,7 @@ class OrderCosts:
     ) -> None:
         """Fill ``cost`` (>= H, labels, >= W) in units of 1/85.
 
-        0 to 1 by the phases, up to 0.5 more where grey levels decide between orders; 0.6 where the right camera sees no
+        0 to 1 by the phases, up to 1 more where grey levels decide between orders; 0.6 where the right camera sees no
         phase, 3 outside the depth range, 0 where the left phase is unknown.
 
         Parameters

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.depth_border import extend
+from moire_sensor.depth_bridge import bridge
 from moire_sensor.depth_check import drop_slivers, is_unique, without_specks
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
@@ -38,6 +39,25 @@ SLIVER_STEPS_PX = 3
 PROJECTOR_SLACK = 1.7
 
 
+@dataclass(frozen=True)
+class Way:
+    """How phases become depth, which differs between a single shot and phase steps.
+
+    Attributes
+    ----------
+    single : whether one exposure gave the phases.
+    shading_rad : mismatch that shading or motion can put between the two phases of one point.
+    settings, max_mismatch_rad : of the least squares; the largest mismatch of a pixel that gets a disparity.
+    least_run_px : shorter runs along a row are accidents.
+    """
+
+    single: bool
+    shading_rad: float
+    settings: Settings
+    max_mismatch_rad: float
+    least_run_px: int
+
+
 class PhasePipeline:
     """Depth for every pixel, from the phase of one exposure or of several shifted ones.
 
@@ -62,14 +82,26 @@ class PhasePipeline:
         )
         self._rad_per_px = float(np.median(np.abs(self._carriers[0].rad_per_px)))
         self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
-        # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
-        starting = min(settings.alignment_px, START_ALIGNMENT_PX)
-        self._refining = {
-            single: replace(settings, alignment_px=alignment) if self._by_stereo else settings
-            for single, alignment in ((True, starting), (False, 0.0))
-        }
+        self._single, self._steps = self._ways()
         self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
         self._solver = OrderSolver(self._carriers, self._projector, self._orders, settings.jump_cost)
+
+    def _ways(self) -> tuple[Way, Way]:
+        """The ways of a single shot and of phase steps."""
+        settings = self.settings
+        quarter_px = self._carriers[0].half_width_px // 2
+        if not self._by_stereo:
+            usual = settings, settings.max_mismatch_rad
+            return Way(True, SHADING_SINGLE_RAD, *usual, quarter_px), Way(
+                False, SHADING_STEPS_RAD, *usual, SLIVER_STEPS_PX
+            )
+        # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
+        starting = replace(settings, alignment_px=min(settings.alignment_px, START_ALIGNMENT_PX))
+        strict = replace(settings, alignment_px=0.0), settings.max_mismatch_steps_rad
+        return (
+            Way(True, SHADING_SINGLE_RAD, starting, settings.max_mismatch_rad, quarter_px),
+            Way(False, SHADING_STEPS_RAD, *strict, SLIVER_STEPS_PX),
+        )
 
     def _buffers(self, planes: int) -> Float32:
         """Memory for the phases of both cameras, (2, planes, H, W)."""
@@ -89,7 +121,7 @@ class PhasePipeline:
             phase_from_single(left, self._carriers[0], step_rad, self.settings, buffers[0]),
             phase_from_single(right, self._carriers[1], step_rad, self.settings, buffers[1]),
         )
-        return self._depth(phases, (left, right), single=True)
+        return self._depth(phases, (left, right), self._single)
 
     def from_steps(self, left: Float32, right: Float32, first_step: int) -> Shot:
         """Depth of shifted exposures at the middle of their time: images (n, H, W) float32, grey levels of 255."""
@@ -100,37 +132,37 @@ class PhasePipeline:
             phase_from_steps(right, self._carriers[1], steps, self.settings, buffers[1]),
         )
         middle = left.shape[0] // 2
-        return self._depth(phases, (left[middle], right[middle]), single=False)
+        return self._depth(phases, (left[middle], right[middle]), self._steps)
 
-    def _depth(self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], single: bool) -> Shot:
+    def _depth(self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], way: Way) -> Shot:
         """Choose the orders, let those that are refused give way to the next best, measure, and mend the borders."""
-        label, margin = self._solver.solve(phases, greys, SHADING_SINGLE_RAD if single else SHADING_STEPS_RAD)
-        match = self._refine(label, phases, single)
+        label, margin = self._solver.solve(phases, greys, way.shading_rad)
+        match = self._refine(label, phases, way)
         greys = (greys[0], right_as_left(greys[1], match.disparity_px, phases))
         refused = (label >= 0) & ~self._unique(match, phases, greys)
         match.disparity_px[refused] = np.nan
-        match = self._refine(self._solver.second(refused), phases, single, match)
-        match = self._by_greys(match, phases[0], greys, single)
+        match = self._refine(self._solver.second(refused), phases, way, match)
+        match = self._by_greys(match, phases[0], greys, way.single)
         match.disparity_px[~self._unique(match, phases, greys)] = np.nan
         if self._by_stereo:
-            drop_slivers(match.disparity_px, self._carriers[0].half_width_px // 2 if single else SLIVER_STEPS_PX)
+            drop_slivers(match.disparity_px, way.least_run_px)
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
         if self._by_stereo:
             match = extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
+            bridge(match, greys, phases[0].amplitude, self.settings)
         return self._shot(phases, match, margin, np.isfinite(match.disparity_px))
 
     def _refine(
         self,
         label: npt.NDArray[np.int8],
         phases: tuple[PhaseImage, PhaseImage],
-        single: bool,
+        way: Way,
         match: Match | None = None,
     ) -> Match:
         """Disparities of the chosen orders from the phases of all views, NaN where the phases disagree."""
-        strict = self._by_stereo and not single
-        limit = self.settings.max_mismatch_steps_rad if strict else self.settings.max_mismatch_rad
-        settings = self._refining[single]
-        return refine(label, phases, self._carriers, self._projector, self._orders, settings, limit, match)
+        return refine(
+            label, phases, self._carriers, self._projector, self._orders, way.settings, way.max_mismatch_rad, match
+        )
 
     def _by_greys(self, match: Match, phase: PhaseImage, greys: tuple[Float32, Float32], single: bool) -> Match:
         """Disparities of a single shot measured, those of phase steps checked, by the grey levels of both views.

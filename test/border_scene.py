@@ -92,7 +92,9 @@ class Scene:
 
     def match(self, disparity: Array) -> Match:
         flat = np.zeros(self.shape, dtype=np.float32)
-        return Match.of(disparity.astype(np.float32), flat + np.float32(0.02), flat + np.float32(-0.1))
+        return Match(
+            disparity.astype(np.float32), flat + np.float32(0.02), flat + np.float32(-0.1), flat + np.float32(0.1)
+        )
 
 
 def slow_trusted(disparity: Float32) -> Mask:
@@ -155,7 +157,7 @@ def is_taken(claim: Float32, y: int, x: int, disparity: float) -> bool:
     column = int(np.floor(x - disparity + 0.5))
     if not 0 <= column < claim.shape[1]:
         return True
-    return bool(claim[y, column] > fit.NO_CLAIM and abs(claim[y, column] - disparity) > fit.SAME_SURFACE_PX)
+    return bool(claim[y, column] > fit.NO_CLAIM and abs(claim[y, column] - disparity) > fit.SAME_CLAIM_PX)
 
 
 def slow_neighbours(trust: Mask, y: int, x: int) -> list[tuple[int, int]]:

@@ -22,7 +22,8 @@ def random_match(seed: int, shape: tuple[int, int] = (24, 80)) -> Match:
     disparity = np.where(rng.uniform(size=shape) < 0.5, 20.0, 34.0) + rng.normal(0, 0.3, shape)
     disparity[rng.uniform(size=shape) < 0.2] = np.nan
     sigma, mismatch = rng.uniform(0.01, 0.1, shape), rng.normal(0, 0.2, shape)
-    return Match.of(disparity.astype(np.float32), sigma.astype(np.float32), mismatch.astype(np.float32))
+    signed = mismatch.astype(np.float32)
+    return Match(disparity.astype(np.float32), sigma.astype(np.float32), signed, np.abs(signed))
 
 
 def slow_badness(match: Match, amplitude: Float32, left: Float32, right: Float32, y: int, x: int) -> float:

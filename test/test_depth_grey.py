@@ -164,7 +164,7 @@ def shifted_views(disparity: float, amplitude: float, seed: int, slope: float = 
 
 def start(disparity: Array | float) -> Match:
     flat = np.broadcast_to(np.float32(disparity), (240, 320)).copy()
-    return Match.of(flat, np.full_like(flat, 0.1), np.zeros_like(flat))
+    return Match(flat, np.full_like(flat, 0.1), np.zeros_like(flat), np.zeros_like(flat))
 
 
 def settled(views: tuple[Float32, Float32], amplitude: float, first: Array | float) -> Match:
