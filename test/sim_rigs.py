@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
+from dataclasses import replace
+
 import numpy as np
 
 from moire_sensor.paper_rig import PERIOD_PX, paper_rig
 from moire_sensor.pattern import FringePattern
 from moire_sensor.rig import StereoRig
+from moire_sim import HeadOptions, VirtualHead, preset
 
 QUARTER_PROJECTOR = (240, 120)
 
@@ -21,3 +25,19 @@ def quarter_rig() -> StereoRig:
 def quarter_pattern(step_count: int = 1) -> FringePattern:
     """The paper's fringes on that rig."""
     return FringePattern(PERIOD_PX / 4.0).with_equal_steps(step_count)
+
+
+def real_digest() -> str:
+    """Digest of realistic exposures, one of them moved."""
+    digest = hashlib.sha256()
+    with VirtualHead("cylinder_and_box", 5, quarter_rig(), real_options()) as head:
+        for step in range(2):
+            digest.update(b"".join(image.tobytes() for image in head.expose(quarter_pattern(2), step, step)))
+        head.set_head(0.02, 0.0)
+        digest.update(head.expose(quarter_pattern())[1].tobytes())
+    return digest.hexdigest()
+
+
+def real_options() -> HeadOptions:
+    """The realistic preset for the small rig."""
+    return replace(preset("realistic"), projector_size=QUARTER_PROJECTOR)

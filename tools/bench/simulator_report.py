@@ -43,7 +43,7 @@ VALIDATION_NOTE = (
     f" bent lenses: rectified as the reconstruction does. Allowed: {PHASE_LIMIT_PX} px, {EDGE_LIMIT_PX:g} px,"
     f" {DEPTH_LIMIT_MM} mm."
 )
-NOISE_NOTE = "A chip of the realistic kind under even light of 120 grey levels, 40 exposures: measured, and by its model."
+NOISE_NOTE = "A realistic chip under even light of 120 grey levels, 40 exposures: measured, and by its model."
 REALISM_NOTE = (
     "`dense` on the virtual head's scenes with `optics:=clean` and `optics:=realistic`, the latter rectified; moving"
     " scenes at 1.6 s. Depth range 0.5 to 2 m, in rooms to 4.5 m. Ratio: of the medians, allowed is"
@@ -91,8 +91,8 @@ def simulator_tables(results: SimulatorResults) -> list[Table]:
         )
         tables.append(Table("Simulator: agreement with ray-traced truth", VALIDATION_NOTE, columns, rows))
     if results.noise:
-        rows = tuple((one.name, number(one.measured, 4), number(one.model, 4)) for one in results.noise)
-        tables.append(Table("Simulator: noise", NOISE_NOTE, ("noise", "measured", "model"), rows))
+        figures = tuple((one.name, number(one.measured, 4), number(one.model, 4)) for one in results.noise)
+        tables.append(Table("Simulator: noise", NOISE_NOTE, ("noise", "measured", "model"), figures))
     if results.realism:
         tables.append(realism_table(results.realism))
     if results.flaws:

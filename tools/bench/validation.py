@@ -167,7 +167,7 @@ def noise_figures(exposures: int = 40, side: int = 200, level: float = 120.0) ->
     chip = CameraChip.of(optics, noise, 16, (side, side), seed=1, camera=0)
     light = np.full((side, side), level, dtype=np.float32)
     frames, dark = (
-        np.stack([chip.expose(one, noise_generator(seed, index, 0)) for index in range(exposures)]).astype(float) / 257.0
+        np.array([chip.expose(one, noise_generator(seed, index, 0)) for index in range(exposures)], float) / 257.0
         for seed, one in enumerate((light, 0.0 * light))
     )
     lit = dark > 0.0  # a chip cannot show less than nothing: of the dark, its upper half tells
