@@ -16,6 +16,7 @@ from source_scan import ROOT
 from test_ros_capture_player import write_folder
 
 from moire_sensor.resources import resource_path
+from moire_sensor.ros.viewer_inputs import STREAMS
 
 NAMESPACE = "/head"
 RIGHTS = {
@@ -56,14 +57,20 @@ def in_graph(asker: Any, node: str) -> dict[str, set[str]]:
     }
 
 
-@pytest.mark.parametrize("name", ["reconstruction", "virtual_head", "capture_player"])
+@pytest.mark.parametrize("name", ["reconstruction", "virtual_head", "capture_player", "moire_viewer"])
 def test_the_policy_is_what_the_running_node_has(name: str, tmp_path: Path) -> None:
+    rights = allowed(name)
     parameters: tuple[str, ...] = ()
     if name == "capture_player":
         parameters = (f"folder:={write_folder(tmp_path / 'capture')}", "wait_for_subscribers:=100")
+    if name == "moire_viewer":
+        parameters = ("port:=0",)
+        # It subscribes to nothing until somebody opens the page.
+        assert rights["subscribe"] == {f"{NAMESPACE}/{topic}" for topic, *_ in STREAMS.values()}
+        rights["subscribe"] = set()
     with ros_node("asker") as node, running(name, *parameters):
         asker = Listener(node)
-        asker.wait(lambda: in_graph_or_nothing(node, name) == allowed(name), f"the graph of {name}: {allowed(name)}")
+        asker.wait(lambda: in_graph_or_nothing(node, name) == rights, f"the graph of {name}: {rights}")
 
 
 def in_graph_or_nothing(asker: Any, node: str) -> dict[str, set[str]]:
