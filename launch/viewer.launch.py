@@ -15,10 +15,15 @@ ARGUMENTS = {
 }
 
 
+def argument(name, kind=str):
+    """Value of a launch argument as a node's parameter of a type."""
+    return ParameterValue(LaunchConfiguration(name), value_type=kind)
+
+
 def generate_launch_description():
     """Arguments of demo.launch.py are taken too."""
     demo = str(get_package_share_path("moire_sensor") / "launch" / "demo.launch.py")
-    viewer = {"host": LaunchConfiguration("host"), "port": ParameterValue(LaunchConfiguration("port"), value_type=int)}
+    viewer = {"host": argument("host"), "port": argument("port", int)}
     return LaunchDescription(
         [
             *(

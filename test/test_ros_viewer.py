@@ -26,7 +26,7 @@ from moire_sensor.ros.cloud_messages import cloud_message
 from moire_sensor.ros.image_messages import image_message
 from moire_sensor.ros.viewer_inputs import STREAMS, ViewerInputs, rate
 from moire_sensor.ros.viewer_node import ViewerNode, facts_text
-from moire_sensor.ros.viewer_page import ViewerPage, resolve_host
+from moire_sensor.ros.viewer_page import ViewerPage, resolve_host, url_host
 from moire_sensor.ros.viewer_pictures import (
     COLOURS,
     STRIPES,
@@ -130,6 +130,7 @@ def test_rates_are_those_of_the_last_seconds() -> None:
 def test_loopback_is_told_from_other_addresses() -> None:
     assert resolve_host("127.0.0.1") == ("127.0.0.1", True)
     assert resolve_host("0.0.0.0") == ("0.0.0.0", False)
+    assert [url_host(one) for one in ("127.0.0.1", "::1", "0.0.0.0")] == ["127.0.0.1", "[::1]", socket.gethostname()]
 
 
 def test_the_newest_message_wins_and_a_silent_topic_is_named_with_its_reason() -> None:

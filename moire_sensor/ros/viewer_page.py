@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import ipaddress
 import socket
 from typing import Any
@@ -35,6 +37,13 @@ def resolve_host(host: str) -> tuple[str, bool]:
             f"parameter host is {host!r}, which is no address: {error}; give one of this machine, such as 127.0.0.1"
         ) from error
     return address, ipaddress.ip_address(address.partition("%")[0]).is_loopback
+
+
+def url_host(address: str) -> str:
+    """Return what stands for an address in a URL; the name of this machine for all of its addresses."""
+    if ipaddress.ip_address(address.partition("%")[0]).is_unspecified:
+        return socket.gethostname()
+    return f"[{address}]" if ":" in address else address
 
 
 def check_port_is_free(address: str, port: int) -> None:
@@ -76,8 +85,7 @@ class ViewerPage:
         if port not in (0, self._server.get_port()):
             self.close()
             raise SettingsError(f"port {port} of {address} was taken just now; choose another with -p port:=NUMBER")
-        host = f"[{address}]" if ":" in address else address
-        self.url = f"http://{host}:{self._server.get_port()}"
+        self.url = f"http://{url_host(address)}:{self._server.get_port()}"
         self._looking: set[int] = set()
         self._cloud: Any = None
         self._build()
@@ -168,4 +176,6 @@ def _local_server(address: str, port: int, title: str) -> Any:
         def request_share_url(self, verbose: bool = True) -> str | None:
             return None
 
-    return LocalServer(address, port, label=title, verbose=False)
+    # It prints an address in any case, and for some hosts one that is wrong.
+    with contextlib.redirect_stdout(io.StringIO()):
+        return LocalServer(address, port, label=title, verbose=False)
