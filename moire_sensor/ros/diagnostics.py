@@ -7,7 +7,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from moire_sensor.ros.qos import destroy_publisher, publisher_maker, publisher_qos
+from moire_sensor.ros.qos import destroy_publisher, overridable, publisher_maker, publisher_qos
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -17,7 +17,9 @@ class DiagnosticsPublisher:
 
     def __init__(self, node: Any) -> None:
         self._node = node
-        self._publisher = publisher_maker(node)(DiagnosticArray, "/diagnostics", publisher_qos())
+        self._publisher = publisher_maker(node)(
+            DiagnosticArray, "/diagnostics", publisher_qos(), qos_overriding_options=overridable()
+        )
 
     def close(self) -> None:
         """Give the publisher back."""

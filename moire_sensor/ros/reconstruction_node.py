@@ -39,6 +39,8 @@ Depth, cloud and disparity from the topics of a head in the same namespace (defa
 NAMESPACE = "head"
 STOP_PATIENCE_S = 10.0
 KERNEL_POLL_S = 0.05
+# How often a node that compiles its kernels says so.
+KERNEL_NEWS_S = 10.0
 # A topic is called silent this much late at most.
 WATCH_PERIOD_S = 0.25
 
@@ -66,7 +68,9 @@ class ReconstructionNode(ManagedNode):
         self.add_on_set_parameters_callback(self._change_parameters)
         if self._values["autostart"]:
             self.start_by_itself()
-        self.get_logger().info("loading the kernels; the first start on a machine compiles them, up to a minute")
+        self.get_logger().info("loading the kernels; the first start on a machine compiles them, a minute or two")
+        self._kernel_news = self.create_timer(KERNEL_NEWS_S, self._tell_of_kernels, clock=STEADY_CLOCK)
+        self._compiling_s = 0.0
 
     def close(self) -> None:
         """Finish the set under way and say the last counts."""
@@ -139,6 +143,15 @@ class ReconstructionNode(ManagedNode):
         Reconstructor(paper_rig(), paper_pattern(), settings=settings).warm_up()
         if self._settings.method == "phase_shift":
             Reconstructor(paper_rig(), paper_pattern(4), method="phase_shift", settings=settings).warm_up()
+
+    def _tell_of_kernels(self) -> None:
+        self._compiling_s += KERNEL_NEWS_S
+        if self._worker.is_prepared():
+            self._kernel_news.cancel()
+        else:
+            self.get_logger().info(
+                f"still compiling the kernels, {self._compiling_s:.0f} s so far; next time they are read"
+            )
 
     def _wait_for_kernels(self) -> None:
         while not self._worker.wait_prepared(KERNEL_POLL_S):
