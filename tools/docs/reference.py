@@ -10,7 +10,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from moire_sensor.nav_cloud import NavSettings
-from moire_sensor.ros import bag_recorder, capture_player_node, projector_state, reconstruction_settings, viewer_node
+from moire_sensor.ros import (
+    bag_recorder,
+    capture_player_node,
+    projector_state,
+    reconstruction_settings,
+    viewer_inputs,
+    viewer_node,
+)
 from moire_sensor.ros.bag_options import SETTINGS, make_parser
 from moire_sensor.ros.parameters import ParameterSpec, specs_of
 from moire_sensor.ros.thresholds import Thresholds
@@ -53,7 +60,9 @@ def page_of(nodes: dict[str, NodeFacts]) -> str:
     for name, facts in nodes.items():
         parts += topics_section(f"{name} publishes", facts.publishes)
         parts += topics_section(f"{name} subscribes to", facts.subscribes)
+    shown_topics = ", ".join(f"`{topic}`" for topic, _, _ in viewer_inputs.STREAMS.values())
     parts += ["\n`capture_player` publishes the images, camera infos and `projector/state` as `virtual_head` does.\n"]
+    parts += [f"`moire_viewer` subscribes to {shown_topics} while a browser shows its page.\n"]
     parts += ["\n### Names in projector/state\n", *table(("name", "position"), state_rows())]
     parts += ["\n### Values of status/image\n", *table(("value", "name", "means"), status_rows())]
     parts += ["\n## Services\n", *table(("service", "type", "node", "does"), service_rows(nodes))]
