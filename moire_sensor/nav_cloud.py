@@ -22,6 +22,9 @@ SAME_SURFACE = 0.02
 REACH_PX = 3
 # Clearing rays: one for each block of this side, pixels; 13 mm apart at 2 m in the paper's rig.
 RAY_BLOCK_PX = 8
+# A voxel of which fewer of the pixels that fall into it are trusted is left out: where the sensor doubts most of a
+# surface, those few beside them that pass are as wrong (a door's reveal seen at a grazing angle, off by 0.1 m).
+TRUSTED_SHARE = 1.0 / 3.0
 # A grid of this size is counted directly, five times as fast as sorting the points; a larger one costs memory.
 MAX_GRID_CELLS = 4_000_000
 
@@ -56,11 +59,12 @@ def obstacle_cloud(rig: StereoRig, cloud: Cloud, shot: Shot, nav: NavSettings) -
     nav : thresholds.
     """
     near = np.square(cloud[..., :3]).sum(axis=-1) <= nav.nav_max_range_m**2
-    trusted = near & (shot.confidence >= nav.nav_min_confidence) & supported(shot.depth_m)
-    points = cloud[trusted]
+    surface = near & supported(shot.depth_m)
+    points = cloud[surface]
     # What one pixel covers of a facing square of a voxel's size.
     share = points[:, 2] ** 2 / (rig.fx_px * rig.fy_px * nav.nav_voxel_m**2)
-    return voxel_means(points, share, nav.nav_voxel_m, nav.nav_min_fill)
+    trusted = shot.confidence[surface] >= nav.nav_min_confidence
+    return voxel_means(points, share, trusted, nav.nav_voxel_m, nav.nav_min_fill)
 
 
 def clearing_cloud(cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
@@ -123,18 +127,24 @@ def find_supported(depth, reach, mask):  # type: ignore[no-untyped-def]
             mask[y, x] = in_row >= reach and in_column >= reach
 
 
-def voxel_means(points: Cloud, share: npt.NDArray[np.floating[Any]], voxel_m: float, min_fill: float) -> Cloud:
-    """Return (1, M, C): the mean of the points in each voxel whose shares sum up to ``min_fill``.
+def voxel_means(
+    points: Cloud, share: npt.NDArray[np.floating[Any]], trusted: Mask, voxel_m: float, min_fill: float
+) -> Cloud:
+    """Return (1, M, C): the mean of the trusted points in each voxel whose shares sum up to ``min_fill``.
 
-    ``points`` is (N, C) float32, x y z in metres first, all finite; ``share`` (N,) what each point fills of its voxel.
-    The grid of ``voxel_m`` metres is fixed to the origin of the optical frame.
+    ``points`` is (N, C) float32, x y z in metres first, all finite; ``share`` (N,) what each point fills of its voxel;
+    of a voxel's points, TRUSTED_SHARE at least must be ``trusted`` (N,). The grid of ``voxel_m`` metres is fixed to
+    the origin of the optical frame.
     """
-    if not len(points):
+    if not trusted.any():
         return np.empty((1, 0, points.shape[-1]), dtype=np.float32)
     voxel = voxel_numbers(points[:, :3], voxel_m)
-    count = np.bincount(voxel)
-    full = (count > 0) & (np.bincount(voxel, weights=share) >= min_fill)
-    sums = [np.bincount(voxel, weights=channel)[full] for channel in points.T]
+    every = np.bincount(voxel)
+    voxel, points, share = voxel[trusted], points[trusted], share[trusted]
+    count = np.bincount(voxel, minlength=len(every))
+    full = (count > 0) & (count >= TRUSTED_SHARE * every)
+    full &= np.bincount(voxel, weights=share, minlength=len(every)) >= min_fill
+    sums = [np.bincount(voxel, weights=channel, minlength=len(every))[full] for channel in points.T]
     return np.asarray(np.stack(sums, axis=-1) / count[full, None], dtype=np.float32)[None]
 
 

@@ -80,11 +80,24 @@ class Costmap:
             found[name] = Source(**values)
         return found
 
+    def indices(self, points_m: Array) -> npt.NDArray[np.int64]:
+        """Column and row (N, 2) of points, also of those off the map."""
+        return np.floor((points_m[:, :2] - self.origin_m) / self.resolution_m).astype(np.int64)
+
+    def on_map(self, points_m: Array) -> npt.NDArray[np.bool_]:
+        """Which points (N,) lie on the map."""
+        indices = self.indices(points_m)
+        return np.asarray(((indices >= 0) & (indices < self.size)).all(axis=-1))
+
     def cells(self, points_m: Array) -> list[Cell]:
-        """Cells of points on the map; the others are left out."""
-        indices = np.floor((points_m[:, :2] - self.origin_m) / self.resolution_m).astype(int)
-        inside = ((indices >= 0) & (indices < self.size)).all(axis=-1)
-        return [(int(x), int(y)) for x, y in indices[inside]]
+        """Cell of each point on the map; the others are left out."""
+        return [(x, y) for x, y in self.indices(points_m[self.on_map(points_m)]).tolist()]
+
+    def touched(self, points_m: Array) -> set[Cell]:
+        """Cells that hold a point."""
+        column, row = self.indices(points_m[self.on_map(points_m)]).T
+        numbers = np.unique(column * self.size[1] + row)
+        return {divmod(number, self.size[1]) for number in numbers.tolist()}
 
     def update(self, observations: list[Observation]) -> None:
         """Clear along the rays first, then mark: what is seen now always stands."""
@@ -106,14 +119,13 @@ class Costmap:
 
     def mark(self, one: Observation) -> None:
         """Obstacle layer: ranges are measured on the map."""
-        self.lethal.update(self.cells(self.markable(one, 2)))
+        self.lethal.update(self.touched(self.markable(one, 2)))
 
     def clear(self, one: Observation) -> None:
         """Obstacle layer: every cell of the ray's footprint, the last one too."""
         start = np.floor((one.origin_m[:2] - self.origin_m) / self.resolution_m).astype(int)
         longest = math.ceil(one.source.raytrace_max_range / self.resolution_m)
-        ends = np.floor((one.points_m[:, :2] - self.origin_m) / self.resolution_m).astype(int)
-        for end in np.unique(ends, axis=0):
+        for end in np.unique(self.indices(one.points_m), axis=0):
             self.lethal.difference_update((x, y) for x, y in line(start, end, longest))
 
 
@@ -132,9 +144,7 @@ class VoxelCostmap(Costmap):
         """Ranges are measured in space; points below the grid fall into its lowest voxels."""
         points_m = self.markable(one, 3).copy()
         points_m[:, 2] = np.maximum(points_m[:, 2], self.layer["origin_z"])
-        inside = (self.voxels(points_m)[:, 2] < self.layer["z_voxels"]) & np.array(
-            [bool(self.cells(point[None])) for point in points_m], dtype=bool
-        )
+        inside = (self.voxels(points_m)[:, 2] < self.layer["z_voxels"]) & self.on_map(points_m)
         for x, y, z in np.unique(self.voxels(points_m[inside]), axis=0).tolist():
             self.marked.setdefault((x, y), set()).add(z)
             if len(self.marked[x, y]) > self.layer["mark_threshold"]:

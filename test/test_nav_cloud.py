@@ -66,7 +66,7 @@ def test_voxels_equal_the_obvious_way(voxel_m: float) -> None:
     rng = np.random.default_rng(1)
     points = rng.uniform(-0.5, 0.5, (2000, 4)).astype(np.float32)
     points[:, :3] = np.round(points[:, :3], 1)
-    kept = voxel_means(points, np.full(2000, 0.5), voxel_m, 1.0)
+    kept = voxel_means(points, np.full(2000, 0.5), np.ones(2000, dtype=bool), voxel_m, 1.0)
     expected = slow_voxels(points, voxel_m, 2)
     assert kept.shape == (1, len(expected), 4)
     assert np.isfinite(kept).all()
@@ -78,9 +78,22 @@ def test_voxels_equal_the_obvious_way(voxel_m: float) -> None:
 def test_voxels_leave_out_lone_points() -> None:
     points = np.zeros((4, 4), dtype=np.float32)
     points[:, 2] = [1.0, 1.001, 2.0, 3.0]
-    kept = voxel_means(points, np.array([0.1, 0.1, 0.1, 0.3]), 0.02, 0.2)
+    every = np.ones(4, dtype=bool)
+    kept = voxel_means(points, np.array([0.1, 0.1, 0.1, 0.3]), every, 0.02, 0.2)
     np.testing.assert_allclose(kept[0, :, 2], [1.0005, 3.0])
-    assert voxel_means(points[:0], np.empty(0), 0.02, 0.1).shape == (1, 0, 4)
+    assert voxel_means(points[:0], np.empty(0), every[:0], 0.02, 0.1).shape == (1, 0, 4)
+
+
+def test_voxels_are_of_trusted_points_and_leave_out_what_is_mostly_doubted() -> None:
+    """Of nine points in each of two voxels, three and two are trusted."""
+    points = np.zeros((18, 4), dtype=np.float32)
+    points[:9, 2] = 1.015
+    points[9:, 2] = 2.0
+    trusted = np.zeros(18, dtype=bool)
+    trusted[[0, 1, 2, 9, 10]] = True
+    points[:3, 2] = [1.001, 1.002, 1.003]
+    kept = voxel_means(points, np.full(18, 0.1), trusted, 0.02, 0.2)
+    np.testing.assert_allclose(kept[0, :, 2], [1.002])
 
 
 def test_support_equals_the_obvious_way() -> None:
