@@ -29,7 +29,7 @@ DEV_REQUIRES = [
 # Not in package.xml: rosdep knows no key for it.
 DOCS_REQUIRES = ["mkdocs-material"]
 # Nor for this one; the viewer says so where it is missing.
-VIEWER_REQUIRES = ["viser>=1.1"]
+VIEWER_REQUIRES = ["viser>=1.1.1"]
 DATA_FOLDERS = ("config", "config/scenes", "launch", "rviz", "urdf")
 EXECUTABLES = [
     "virtual_head = moire_sim.virtual_head_node:main",

@@ -25,7 +25,7 @@ from moire_sensor.errors import ImageError, SettingsError
 from moire_sensor.ros.cloud_messages import cloud_message
 from moire_sensor.ros.image_messages import image_message
 from moire_sensor.ros.viewer_inputs import STREAMS, ViewerInputs, rate
-from moire_sensor.ros.viewer_node import ViewerNode, facts_text
+from moire_sensor.ros.viewer_node import ViewerNode, check_scale, facts_text
 from moire_sensor.ros.viewer_page import ViewerPage, resolve_host, url_host
 from moire_sensor.ros.viewer_pictures import (
     COLOURS,
@@ -182,6 +182,8 @@ def test_what_hinders_the_page_is_said_and_what_to_do() -> None:
             ViewerPage("127.0.0.1", port, "")
     with pytest.raises(SettingsError, match="parameter host is 'no host', which is no address"):
         resolve_host("no host")
+    with pytest.raises(SettingsError, match="near_m is 2 and far_m 1; the nearest must be the smaller"):
+        check_scale(2.0, 1.0)
     wrong = Parameter("qos_overrides./head/left/image.subscription.depth", value=3)
     with ros_node("asker"), pytest.raises(SettingsError, match=r"unknown parameter qos_overrides\./head/left/image"):
         ViewerNode(parameter_overrides=[wrong])

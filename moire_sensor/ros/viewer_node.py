@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from moire_sensor.errors import ImageError
+from moire_sensor.errors import ImageError, SettingsError
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.lifecycle import STEADY_CLOCK
 from moire_sensor.ros.parameters import ParameterSpec, declare, refuse_unknown
@@ -56,6 +56,7 @@ class ViewerNode(Node):  # type: ignore[misc]
         super().__init__("moire_viewer", namespace=NAMESPACE, **options)
         self._values = declare(self, SPECS)
         refuse_unknown(self)
+        check_scale(self._values["near_m"], self._values["far_m"])
         self._inputs = ViewerInputs(self)
         refuse_unknown(self, qos=True, others=self._inputs.qos_parameters())
         self._scale = Scale(0.0, 1.0)
@@ -124,6 +125,12 @@ class ViewerNode(Node):  # type: ignore[misc]
         for name, state in states.items():
             if state.trouble and name != "cloud":
                 self._page.show_note(name, state.trouble)
+
+
+def check_scale(near_m: float, far_m: float) -> None:
+    """Raise SettingsError if the ends of the scale, where both are given, are not in order."""
+    if near_m and far_m and near_m >= far_m:
+        raise SettingsError(f"near_m is {near_m:g} and far_m {far_m:g}; the nearest must be the smaller: set both")
 
 
 def facts_text(states: dict[str, StreamState], known: float) -> str:
