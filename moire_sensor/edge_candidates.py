@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit, prange
 
-from moire_sensor.edge_find import EdgeRows
+from moire_sensor.edge_find import EdgeRows, Float32
 from moire_sensor.projector_map import ProjectorMap
-from moire_sensor.reference_ray import disparity_on_ray_px, phase_seen_rad
-from moire_sensor.rig import Array, StereoRig
+from moire_sensor.reference_ray import phase_seen_rad
 
 TURN = 2.0 * np.pi
 # Surfaces at the very end of the depth range keep their edges, which noise moves to and fro.
 RANGE_MARGIN_PX = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class Candidates:
+class Candidates(NamedTuple):
     """Candidate points A, B, C, ... (figure 7) of each right edge, arrays of shape (H, E, K).
 
     Attributes
@@ -27,57 +27,112 @@ class Candidates:
     half_order : int32, absolute phase over pi, rounded down: -1 up edge of order 0, 0 its down edge, 1...
     """
 
-    left_x_px: npt.NDArray[np.float32]
+    left_x_px: Float32
     half_order: npt.NDArray[np.int32]
 
 
+@dataclass(frozen=True, eq=False)
+class CandidateRays:
+    """What the rays of right pixels meet between the farthest and the nearest depth.
+
+    Attributes
+    ----------
+    projector : the numbers of the packed ``ProjectorMap``.
+    ends : least and most disparity, and the last column of the left image.
+    number : candidates that a right edge can have.
+    direction : 1 where the right image's phase grows with the column, -1 where a turned projector lets it fall.
+    """
+
+    projector: tuple[float, ...]
+    ends: tuple[float, float, float]
+    number: int
+    direction: float
+
+    @classmethod
+    def build(
+        cls, projector: ProjectorMap, disparity_range_px: tuple[float, float], image_size: tuple[int, int]
+    ) -> CandidateRays:
+        """Rays of a rig whose images are (width, height); the range is that of the depths that can occur."""
+        width, height = image_size
+        least, most = disparity_range_px[0] - RANGE_MARGIN_PX, disparity_range_px[1] + RANGE_MARGIN_PX
+        x, y = np.meshgrid([0.0, 0.5 * width, width - 1.0], [0.0, 0.5 * height, height - 1.0])
+        far, near = (phase_seen_rad(projector, "right", x, y, disparity) for disparity in (least, most))
+        middle = 0.5 * (least + most)
+        before, after = (phase_seen_rad(projector, "right", x + step, y, middle)[1, 1] for step in (-0.5, 0.5))
+        number = int(np.nanmax(np.abs(near - far)) / TURN) + 1
+        packed = tuple(float(number) for number in projector.packed())
+        return cls(packed, (least, most, width - 1.0), number, float(np.sign(after - before)))
+
+    def room(self, edges: EdgeRows) -> Candidates:
+        """Memory for the candidates of all edges."""
+        shape = (*edges.x_px.shape, self.number)
+        return Candidates(np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.int32))
+
+
 def find_candidates(
-    right: EdgeRows,
-    projector: ProjectorMap,
-    disparity_range_px: tuple[float, float],
-    width_px: int,
-    step_rad: float = 0.0,
-    bright: float = 0.5,
+    right: EdgeRows, rays: CandidateRays, step_rad: float = 0.0, bright: float = 0.5, room: Candidates | None = None
 ) -> Candidates:
     """Intersect the ray of each right edge with the light of every projected fringe edge of its side.
 
+    A projected edge of order 0 lies before phase 0 where the light rises with the phase, behind it where it falls.
+
     Parameters
     ----------
-    disparity_range_px : disparities of the farthest and the nearest depth that can occur.
-    width_px : width of the left image; candidates outside are discarded.
     step_rad : phase added to the pattern in this exposure.
     bright : share of a projected fringe between its up and its down edge, 0 to 1.
+    room : memory for the result; what lies behind the number of a row's edges is left as it is.
     """
-    x = right.x_px.astype(np.float64)
-    y = np.arange(x.shape[0], dtype=np.float64)[:, None]
-    least, most = disparity_range_px[0] - RANGE_MARGIN_PX, disparity_range_px[1] + RANGE_MARGIN_PX
-    ends = np.sort([phase_seen_rad(projector, "right", x, y, d) + step_rad for d in (least, most)], axis=0)
-    edge_rad = edge_phase_rad(right.side, bright, fringes_run(projector, x, y, 0.5 * (least + most)))
-    first = np.ceil((ends[0] - edge_rad) / TURN)
-    spans = np.floor((ends[1] - edge_rad) / TURN) - first + 1.0
-    number = max(1, int(np.nanmax(spans, initial=1.0)))
-    order = first[..., None] + np.arange(number)
-    phase_rad = edge_rad[..., None] + TURN * order
-    disparity = disparity_on_ray_px(projector, "right", x[..., None], y[..., None], phase_rad - step_rad)
-    left_x = x[..., None] + disparity
-    inside = (disparity >= least) & (disparity <= most) & (left_x >= 0.0) & (left_x <= width_px - 1.0)
-    half_order = np.floor(np.where(inside, phase_rad, 0.0) / np.pi).astype(np.int32)
-    return Candidates(np.where(inside, left_x, np.nan).astype(np.float32), half_order)
+    candidates = rays.room(right) if room is None else room
+    up_rad = -np.pi * bright * rays.direction
+    intersect_rays(right, rays.projector, rays.ends, up_rad, step_rad, candidates)
+    return candidates
 
 
-def edge_phase_rad(side: npt.NDArray[np.int8], bright: float, direction: Array) -> Array:
-    """Phase of the projected edge of order 0: before 0 where the light rises with the phase, behind where it falls."""
-    return np.asarray(-np.pi * bright * side * direction)
+@njit(parallel=True, cache=True, error_model="numpy")
+def intersect_rays(right, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
+    """Fill ``candidates`` for all right edges; ``up_rad`` is the phase of the up edge of order 0."""
+    for row in prange(right.x_px.shape[0]):
+        intersect_row(right, np.int64(row), projector, ends, up_rad, step_rad, candidates)
 
 
-def fringes_run(projector: ProjectorMap, x_px: Array, y_px: Array, disparity_px: float) -> Array:
-    """1 where the right image's phase grows with the column, -1 where a turned projector lets it fall."""
-    before, after = (phase_seen_rad(projector, "right", x_px + step, y_px, disparity_px) for step in (-0.5, 0.5))
-    return np.sign(after - before)
+@njit(error_model="numpy")
+def intersect_row(right, y, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
+    """Candidates of row y: on the ray of an edge, the absolute phase is the edge's of order 0 and whole turns."""
+    left_x, half_order = candidates.left_x_px[y], candidates.half_order[y]
+    for edge in range(right.number[y]):
+        x, edge_rad = np.float64(right.x_px[y, edge]), right.side[y, edge] * up_rad
+        far = phase_on_ray(projector, x, y, ends[0]) + step_rad
+        near = phase_on_ray(projector, x, y, ends[1]) + step_rad
+        order = np.ceil((min(far, near) - edge_rad) / TURN)
+        for number in range(left_x.shape[1]):
+            phase = edge_rad + TURN * (order + number)
+            disparity = disparity_on_ray(projector, x, y, phase - step_rad)
+            column = x + disparity
+            inside = ends[0] <= disparity <= ends[1] and 0.0 <= column <= ends[2]
+            left_x[edge, number] = column if inside else np.nan
+            half_order[edge, number] = np.int32(np.floor(phase / np.pi)) if inside else 0
 
 
-def period_px(projector: ProjectorMap, rig: StereoRig, disparity_px: float) -> float:
+@njit(error_model="numpy")
+def phase_on_ray(projector, x, y, disparity):  # type: ignore[no-untyped-def]
+    """Absolute phase that right pixel (x, y) sees of a point at a disparity: ``phase_seen_rad``."""
+    left_x = x + disparity
+    above = projector[0] + projector[1] * left_x + projector[2] * y + projector[3] * disparity
+    below = projector[4] + projector[5] * left_x + projector[6] * y + projector[7] * disparity
+    return projector[8] * above / below + projector[9]
+
+
+@njit(error_model="numpy")
+def disparity_on_ray(projector, x, y, phase):  # type: ignore[no-untyped-def]
+    """Disparity at which right pixel (x, y) sees an absolute phase, equation (11): ``disparity_on_ray_px``."""
+    column = (phase - projector[9]) / projector[8]
+    per_disparity = column * (projector[7] + projector[5]) - (projector[3] + projector[1])
+    above = projector[0] + projector[1] * x + projector[2] * y
+    return (above - column * (projector[4] + projector[5] * x + projector[6] * y)) / per_disparity
+
+
+def period_px(projector: ProjectorMap, width_px: int, height_px: int, disparity_px: float) -> float:
     """Width of a fringe in the middle of the left image on a fronto-parallel surface at a disparity, 2 px or more."""
-    x, y = 0.5 * rig.image_size[0], np.full(2, 0.5 * rig.image_size[1])
+    x, y = 0.5 * width_px, np.full(2, 0.5 * height_px)
     ends = phase_seen_rad(projector, "left", np.array([x - 0.5, x + 0.5]), y, disparity_px)
-    return float(np.clip(TURN / abs(ends[1] - ends[0]), 2.0, rig.image_size[0]))
+    return float(np.clip(TURN / abs(ends[1] - ends[0]), 2.0, width_px))

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from moire_sensor.edge_candidates import find_candidates, period_px
-from moire_sensor.edge_find import bright_share, find_edges
+import numpy as np
+import numpy.typing as npt
+
+from moire_sensor.edge_candidates import CandidateRays, Candidates, find_candidates, period_px
+from moire_sensor.edge_find import EdgeRows, bright_share, find_edges, room_for_edges
 from moire_sensor.edge_grid import on_left_grid
-from moire_sensor.edge_input import Image, as_grey, check_numbers
-from moire_sensor.edge_match import match_edges, matching_rules
+from moire_sensor.edge_input import Image, check_image, check_numbers
+from moire_sensor.edge_match import EdgeMatch, match_edges, matching_rules, room_for_matches, room_for_work
 from moire_sensor.edge_points import EdgePoints, measure
+from moire_sensor.edge_programme import Work
 from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.edge_spread import in_company, spread_rows
 from moire_sensor.pattern import FringePattern
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
+from moire_sensor.scratch import scratch
 from moire_sensor.shot import Shot
 
 
@@ -24,6 +29,92 @@ class EdgeShot:
 
     points: EdgePoints
     shot: Shot
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeRoom:
+    """Work memory of one frame."""
+
+    left: EdgeRows
+    right: EdgeRows
+    candidates: Candidates
+    match: EdgeMatch
+    work: Work
+    keep: npt.NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, image_size: tuple[int, int], rays: CandidateRays) -> EdgeRoom:
+        """Memory for images (width, height)."""
+        left, right = (room_for_edges(image_size[::-1]) for _ in range(2))
+        work = room_for_work(left, right)
+        keep = np.empty(left.x_px.shape, dtype=np.bool_)
+        return cls(left, right, rays.room(right), room_for_matches(left), work, keep)
+
+
+class FringeEdges:
+    """The paper's method for one rig and pattern.
+
+    Parameters
+    ----------
+    depth_range_m : nearest and farthest depth that can occur, metres.
+    saturation_level : grey level of a saturated pixel.
+
+    Raises
+    ------
+    SettingsError
+        A depth range that is empty or not positive, or a saturation level that is not.
+    """
+
+    def __init__(
+        self,
+        rig: StereoRig,
+        pattern: FringePattern,
+        depth_range_m: tuple[float, float],
+        settings: EdgeSettings | None = None,
+        saturation_level: float = 255.0,
+    ) -> None:
+        nearest, farthest = check_numbers(depth_range_m, saturation_level)
+        self.rig = rig
+        self.pattern = pattern
+        self.settings = settings or EdgeSettings()
+        self._saturation_level = saturation_level
+        projector = ProjectorMap.build(rig, pattern)
+        disparities = (float(rig.disparity_px(farthest)), float(rig.disparity_px(nearest)))
+        self._period_px = period_px(projector, *rig.image_size, 0.5 * sum(disparities))
+        self._rays = CandidateRays.build(projector, disparities, rig.image_size)
+        self._rules = matching_rules(disparities, self._period_px, self.settings)
+
+    def measure(self, left: Image, right: Image, first_step: int = 0) -> EdgeShot:
+        """Measure depth at the fringe edges of one exposure; see :func:`fringe_edges`."""
+        for name, image in (("left", left), ("right", right)):
+            check_image(name, image, self.rig)
+        # In C order whatever came: the kernels compile anew for every other layout.
+        left, right = np.require(left, requirements="C"), np.require(right, requirements="C")
+        room = scratch(("edges", self.rig.image_size, self._rays.number), self.room)
+        step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
+        self.find((left, right), step_rad, room)
+        self.match(room)
+        keep = in_company(room.match, room.left, room.candidates, self.settings.min_run, room.keep)
+        points = measure(self.rig, room.left, room.right, room.candidates, room.match, keep, step_rad)
+        shot = on_left_grid(points, left, self._saturation_level, room.left, self._period_px, self.settings)
+        return EdgeShot(points, shot)
+
+    def find(self, images: tuple[Image, Image], step_rad: float, room: EdgeRoom) -> None:
+        """Find the edges of both images, and the candidates of the right ones (section 3.3)."""
+        scale = 255.0 / self._saturation_level
+        for image, edges in zip(images, (room.left, room.right), strict=True):
+            find_edges(image, self.settings, scale, edges)
+        find_candidates(room.right, self._rays, step_rad, bright_share((room.left, room.right)), room.candidates)
+
+    def match(self, room: EdgeRoom) -> None:
+        """Choose the correspondences (section 3.4); rows that are not solved follow their neighbours (conclusion)."""
+        edges = (room.left, room.right, room.candidates, self._rules)
+        match_edges(*edges, self.settings.rows, (room.match, room.work))
+        spread_rows(room.match, *edges, self.settings)
+
+    def room(self) -> EdgeRoom:
+        """Return work memory of its own, to be kept between ``find`` and ``match``."""
+        return EdgeRoom.of(self.rig.image_size, self._rays)
 
 
 def fringe_edges(
@@ -60,21 +151,4 @@ def fringe_edges(
     SettingsError
         A depth range that is empty or not positive, or a saturation level that is not.
     """
-    settings = settings or EdgeSettings()
-    nearest, farthest = check_numbers(depth_range_m, saturation_level)
-    pictures = [as_grey(name, image, rig, saturation_level) for name, image in (("left", left), ("right", right))]
-    projector = ProjectorMap.build(rig, pattern)
-    step_rad = pattern.step_phases_rad[first_step % pattern.step_count]
-    disparities = (float(rig.disparity_px(farthest)), float(rig.disparity_px(nearest)))
-
-    edges_l, edges_r = (find_edges(picture, settings) for picture in pictures)
-    bright = bright_share((edges_l, edges_r))
-    candidates = find_candidates(edges_r, projector, disparities, rig.image_size[0], step_rad, bright)
-    period = period_px(projector, rig, 0.5 * sum(disparities))
-    rules = matching_rules(disparities, period, settings)
-    match = match_edges(edges_l, edges_r, candidates, rules, settings.rows)
-    match = spread_rows(match, edges_l, edges_r, candidates, rules, settings)
-    keep = in_company(match, candidates, settings.min_run)
-
-    points = measure(rig, edges_l, edges_r, candidates, match, keep, step_rad)
-    return EdgeShot(points, on_left_grid(points, pictures[0], edges_l, period, settings))
+    return FringeEdges(rig, pattern, depth_range_m, settings, saturation_level).measure(left, right, first_step)

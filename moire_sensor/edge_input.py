@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from moire_sensor.edge_find import Float32
 from moire_sensor.errors import ImageError, SettingsError
 from moire_sensor.rig import StereoRig
 
+Float32 = npt.NDArray[np.float32]
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 
@@ -22,12 +22,17 @@ def check_numbers(depth_range_m: tuple[float, float], saturation_level: float) -
     return nearest, farthest
 
 
-def as_grey(name: str, image: Image, rig: StereoRig, saturation_level: float) -> Float32:
-    """Image as float32 (H, W), grey levels scaled to 255 at saturation, or raise ImageError."""
+def check_image(name: str, image: Image, rig: StereoRig) -> None:
+    """Raise ImageError unless the image is (H, W) of the rig, uint8 or uint16."""
     width, height = rig.image_size
     array = np.asarray(image)
     if array.shape != (height, width):
         raise ImageError(f"the {name} image has shape {array.shape}; this method needs one of {(height, width)}")
     if array.dtype not in (np.uint8, np.uint16):
         raise ImageError(f"the {name} image is {array.dtype}; give uint8 or uint16 grey levels")
-    return np.asarray(array.astype(np.float32) * np.float32(255.0 / saturation_level))
+
+
+def as_grey(name: str, image: Image, rig: StereoRig, saturation_level: float) -> Float32:
+    """Image as float32 (H, W), grey levels scaled to 255 at saturation, or raise ImageError."""
+    check_image(name, image, rig)
+    return np.asarray(np.asarray(image).astype(np.float32) * np.float32(255.0 / saturation_level))

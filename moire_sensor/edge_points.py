@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit, prange
 
 from moire_sensor.edge_candidates import Candidates
 from moire_sensor.edge_find import EdgeRows
@@ -13,8 +14,7 @@ from moire_sensor.edge_match import EdgeMatch
 from moire_sensor.rig import Array, StereoRig
 
 
-@dataclass(frozen=True, eq=False)
-class EdgePoints:
+class EdgePoints(NamedTuple):
     """Points at the matched fringe edges, ordered by row, then column; arrays of shape (N,).
 
     Attributes
@@ -52,19 +52,51 @@ def measure(
     step_rad: float,
 ) -> EdgePoints:
     """Depth of the kept correspondences, equation (9)."""
-    row, i = np.nonzero(keep)
-    j, k = match.partner[row, i], match.candidate[row, i]
-    left_x, right_x = left.x_px[row, i].astype(np.float64), right.x_px[row, j].astype(np.float64)
-    depth = rig.depth_m(left_x - right_x)
-    sigma_px = np.hypot(left.sigma_px[row, i], right.sigma_px[row, j])
-    turns = 0.5 * (candidates.half_order[row, j, k] + 0.5) - step_rad / (2.0 * np.pi)
-    return EdgePoints(
-        row=row,
-        left_x_px=left_x,
-        right_x_px=right_x,
-        side=left.side[row, i],
-        fringe_order=np.floor(turns + 0.5).astype(np.int16),
-        depth_m=depth,
-        depth_sigma_m=np.asarray(depth**2 / (rig.fx_px * rig.baseline_m) * sigma_px),
-        mismatch_px=np.abs(candidates.left_x_px[row, j, k] - left_x),
-    )
+    first = np.zeros(left.number.size + 1, dtype=np.int64)
+    count_kept(keep, left.number, first)
+    first = np.cumsum(first)
+    reals = np.empty((5, first[-1]))
+    points = EdgePoints(
+        np.empty(first[-1], dtype=np.int64), reals[0], reals[1], np.empty(first[-1], dtype=np.int8),
+        np.empty(first[-1], dtype=np.int16), reals[2], reals[3], reals[4],
+    )  # fmt: skip
+    lens = (rig.fx_px * rig.baseline_m, rig.disparity_at_infinity_px)
+    measure_rows(left, right, candidates, match, keep, lens, step_rad / (2.0 * np.pi), first, points)
+    return points
+
+
+@njit(parallel=True, cache=True)
+def count_kept(keep, number, after):  # type: ignore[no-untyped-def]
+    """Points of row y in ``after[y + 1]``."""
+    for row in prange(number.size):
+        y = np.int64(row)
+        after[y + 1] = np.sum(keep[y, : number[y]])
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def measure_rows(left, right, candidates, match, keep, lens, step_turns, first, points):  # type: ignore[no-untyped-def]
+    """Fill ``points``, those of row y from ``first[y]``; ``lens`` is T f and the disparity of infinitely far points."""
+    for row in prange(left.number.size):
+        y = np.int64(row)
+        at = first[y]
+        for i in range(left.number[y]):
+            if keep[y, i]:
+                measure_edge(left, right, candidates, match, y, i, lens, step_turns, points, at)
+                at += 1
+
+
+@njit(error_model="numpy")
+def measure_edge(left, right, candidates, match, y, i, lens, step_turns, points, at):  # type: ignore[no-untyped-def]
+    """Fill point number ``at`` from left edge i of row y."""
+    j, number = match.partner[y, i], match.candidate[y, i]
+    left_x, right_x = np.float64(left.x_px[y, i]), np.float64(right.x_px[y, j])
+    parallax = left_x - right_x - lens[1]
+    depth = lens[0] / parallax if parallax > 0.0 else np.nan
+    turns = 0.5 * (candidates.half_order[y, j, number] + 0.5) - step_turns
+    points.row[at], points.side[at] = y, left.side[y, i]
+    points.left_x_px[at], points.right_x_px[at] = left_x, right_x
+    points.fringe_order[at] = np.int16(np.floor(turns + 0.5))
+    points.depth_m[at] = depth
+    sigma_px = np.sqrt(np.float64(left.sigma_px[y, i]) ** 2 + np.float64(right.sigma_px[y, j]) ** 2)
+    points.depth_sigma_m[at] = depth * depth / lens[0] * sigma_px
+    points.mismatch_px[at] = abs(candidates.left_x_px[y, j, number] - left_x)

@@ -12,7 +12,11 @@ from moire_sensor.settings import check_ranges, setting
 class EdgeSettings:
     """Tuning of ``fringe_edges``. Grey levels are scaled to 255 at saturation; costs have no unit.
 
-    The paper names the costs and orders them, ``lambda_oc < lambda_mat < penalty``, without giving numbers.
+    The paper names the costs and orders them, ``lambda_oc < lambda_mat < penalty``, without giving numbers. Its
+    penalty, "very big", is infinite here: edges of different sides never match. Beyond the paper, each to be switched
+    off: ``lambda_off`` tells a wrong fringe order whose candidates happen to lie within the tolerance all over a
+    slanted board, and which J would prefer where it is the farther one, since the views share more of what is far;
+    ``same_height`` (switched off by 100) and ``min_run`` (by 1).
 
     Raises
     ------
@@ -23,7 +27,9 @@ class EdgeSettings:
     lambda_oc: float = setting(1.5, 0.0, 1e3, "occlusion penalty, once per run of unmatched edges")
     lambda_r: float = setting(1.0, 0.0, 1e3, "reward of a match")
     lambda_mat: float = setting(2.0, 0.0, 1e3, "dissimilarity of two edges of which only the side agrees")
-    penalty: float = setting(100.0, 1.0, 1e6, "dissimilarity of two edges that cannot match")
+    lambda_off: float = setting(
+        0.4, 0.0, 1e3, "dissimilarity of correspondences 0.3 times the largest distance apart, or more; 0: the paper's"
+    )
     same_side_periods: float = setting(
         0.072, 0.001, 0.25, "largest distance of a left edge from a candidate, periods (1.2 px in the paper's rig)"
     )
@@ -36,10 +42,10 @@ class EdgeSettings:
 
     def __post_init__(self) -> None:
         check_ranges(self)
-        if not self.lambda_oc < self.lambda_mat < self.penalty:
+        if not self.lambda_oc < self.lambda_mat:
             raise SettingsError(
-                f"lambda_oc {self.lambda_oc}, lambda_mat {self.lambda_mat}, penalty {self.penalty} are out of order; "
-                "choose lambda_oc < lambda_mat < penalty (section 3.4)"
+                f"lambda_oc {self.lambda_oc} and lambda_mat {self.lambda_mat} are out of order; "
+                "choose lambda_oc < lambda_mat (section 3.4)"
             )
         for name in ("min_run", "rows"):
             if getattr(self, name) != int(getattr(self, name)):

@@ -8,102 +8,92 @@ from numba import njit, prange
 
 from moire_sensor.edge_candidates import Candidates
 from moire_sensor.edge_find import EdgeRows
-from moire_sensor.edge_match import SIDE, TIE_BREAK, EdgeMatch, X, confirmed_candidate, dissimilarity
+from moire_sensor.edge_match import EdgeMatch, Rules
+from moire_sensor.edge_programme import confirmed_candidate, line_of
 from moire_sensor.edge_settings import EdgeSettings
-from moire_sensor.rig import Array
 
 
 def spread_rows(
-    match: EdgeMatch, left: EdgeRows, right: EdgeRows, candidates: Candidates, rules: Array, settings: EdgeSettings
-) -> EdgeMatch:
+    match: EdgeMatch, left: EdgeRows, right: EdgeRows, candidates: Candidates, rules: Rules, settings: EdgeSettings
+) -> None:
     """Follow the correspondences of every ``settings.rows``-th row up and down, a row at a time, to the rows between.
 
     An edge takes over the match of the next row's edge of the same side, at most ``follow_px`` away, if it is so in
     both images and the two edges confirm the same fringe. What lies wholly between two solved rows stays unknown.
     """
-    if settings.rows == 1:
-        return match
-    partner, candidate = match.partner.copy(), match.candidate.copy()
-    follow_rows(
-        settings.rows, left.packed(), left.count, right.packed(), right.count, candidates.left_x_px,
-        candidates.half_order, rules, settings.follow_px, partner, candidate,
-    )  # fmt: skip
-    return EdgeMatch(partner, candidate)
+    if settings.rows > 1:
+        follow_rows(settings.rows, left, right, candidates, rules, settings.follow_px, match)
 
 
-def in_company(match: EdgeMatch, candidates: Candidates, min_run: int) -> npt.NDArray[np.bool_]:
+def in_company(
+    match: EdgeMatch, left: EdgeRows, candidates: Candidates, min_run: int, room: npt.NDArray[np.bool_] | None = None
+) -> npt.NDArray[np.bool_]:
     """Correspondences (H, E) in runs of ``min_run`` or more, neighbours in both images and in the pattern."""
-    keep = np.zeros(match.partner.shape, dtype=np.bool_)
-    mark_runs(match.partner, match.candidate, candidates.half_order, min_run, keep)
+    keep = np.empty(match.partner.shape, dtype=np.bool_) if room is None else room
+    mark_runs(match, left.number, candidates.half_order, min_run, keep)
     return keep
 
 
-@njit(cache=True)
-def nearest_edge(edge, row, count, within_px):  # type: ignore[no-untyped-def]
-    """Number of the edge of a row that is nearest to ``edge`` and of its side, -1 when none is ``within_px``."""
+@njit
+def nearest_edge(x_px, side, line, within_px):  # type: ignore[no-untyped-def]
+    """Number of the edge of a row that is nearest to column ``x_px`` and of a side, -1 when none is ``within_px``."""
     nearest = -1
     least = within_px
-    for number in range(count):
-        distance = abs(row[number, X] - edge[X])
-        if row[number, SIDE] == edge[SIDE] and distance <= least:
+    for number in range(line.x_px.size):
+        distance = abs(line.x_px[number] - x_px)
+        if line.side[number] == side and distance <= least:
             nearest, least = number, distance
     return nearest
 
 
-@njit(cache=True)
-def follow_row(  # type: ignore[no-untyped-def]
-    y, source, lefts, left_count, rights, right_count, candidates, half_order, rules, follow_px, partner, candidate
-):
+@njit
+def follow_row(y, source, left, right, candidates, rules, follow_px, match):  # type: ignore[no-untyped-def]
     """Take over in row y the correspondences of row ``source``."""
-    for number in range(left_count[source]):
-        old = partner[source, number]
+    line_l, line_r = line_of(left, y), line_of(right, y)
+    for number in range(left.number[source]):
+        old = match.partner[source, number]
         if old < 0:
             continue
-        i = nearest_edge(lefts[source, number], lefts[y], left_count[y], follow_px)
-        j = nearest_edge(rights[source, old], rights[y], right_count[y], follow_px)
-        if i < 0 or j < 0 or dissimilarity(lefts[y, i], rights[y, j], candidates[y, j], rules) > TIE_BREAK:
+        side = left.side[source, number]
+        i = nearest_edge(left.x_px[source, number], side, line_l, follow_px)
+        j = nearest_edge(right.x_px[source, old], side, line_r, follow_px)
+        if i < 0 or j < 0 or not rules.farthest <= line_l.x_px[i] - line_r.x_px[j] <= rules.nearest:
             continue
-        confirmed = confirmed_candidate(lefts[y, i], rights[y, j], candidates[y, j], rules)[0]
-        if half_order[y, j, confirmed] == half_order[source, old, candidate[source, number]]:
-            partner[y, i] = j
-            candidate[y, i] = confirmed
+        confirmed, _ = confirmed_candidate(line_l, i, line_r, j, candidates.left_x_px[y, j], rules)
+        fringe = candidates.half_order[source, old, match.candidate[source, number]]
+        if confirmed >= 0 and candidates.half_order[y, j, confirmed] == fringe:
+            match.partner[y, i] = j
+            match.candidate[y, i] = confirmed
 
 
 @njit(parallel=True, cache=True)
-def follow_rows(  # type: ignore[no-untyped-def]
-    rows, lefts, left_count, rights, right_count, candidates, half_order, rules, follow_px, partner, candidate
-):
+def follow_rows(rows, left, right, candidates, rules, follow_px, match):  # type: ignore[no-untyped-def]
     """From each solved row upwards and downwards, half way to the next solved row."""
-    height = lefts.shape[0]
+    height = left.x_px.shape[0]
     middle = rows // 2
     for block in prange((height - middle + rows - 1) // rows):
-        solved = middle + block * rows
+        solved = middle + np.int64(block) * rows
         below = height if solved + rows >= height else solved + rows - middle
         for y in range(solved - 1, solved - middle - 1, -1):
-            follow_row(
-                y, y + 1, lefts, left_count, rights, right_count, candidates, half_order, rules, follow_px,
-                partner, candidate,
-            )  # fmt: skip
+            follow_row(y, y + 1, left, right, candidates, rules, follow_px, match)
         for y in range(solved + 1, below):
-            follow_row(
-                y, y - 1, lefts, left_count, rights, right_count, candidates, half_order, rules, follow_px,
-                partner, candidate,
-            )  # fmt: skip
+            follow_row(y, y - 1, left, right, candidates, rules, follow_px, match)
 
 
 @njit(parallel=True, cache=True)
-def mark_runs(partner, candidate, half_order, min_run, keep):  # type: ignore[no-untyped-def]
+def mark_runs(match, number, half_order, min_run, keep):  # type: ignore[no-untyped-def]
     """Mark runs along each row that step by one edge in both images and by one fringe edge on the projector."""
-    height, most = partner.shape
-    for y in prange(height):
+    for row in prange(keep.shape[0]):
+        y = np.int64(row)
+        partner, candidate = match.partner[y], match.candidate[y]
+        keep[y] = False
         start = 0
-        for i in range(1, most + 1):
-            joined = i < most and partner[y, i - 1] >= 0 and partner[y, i] == partner[y, i - 1] + 1
+        for i in range(1, number[y] + 1):
+            joined = i < number[y] and partner[i - 1] >= 0 and partner[i] == partner[i - 1] + 1
             if joined:
-                here = half_order[y, partner[y, i], candidate[y, i]]
-                before = half_order[y, partner[y, i - 1], candidate[y, i - 1]]
-                joined = abs(here - before) == 1
+                here = half_order[y, partner[i], candidate[i]]
+                joined = abs(here - half_order[y, partner[i - 1], candidate[i - 1]]) == 1
             if not joined:
-                if partner[y, start] >= 0 and i - start >= min_run:
+                if partner[start] >= 0 and i - start >= min_run:
                     keep[y, start:i] = True
                 start = i

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from moire_sensor.edge_depth import fringe_edges
+from moire_sensor.edge_depth import FringeEdges
 from moire_sensor.edge_input import check_numbers
 from moire_sensor.errors import ImageError, PatternError, SettingsError
 from moire_sensor.pattern import FringePattern
@@ -62,6 +62,9 @@ class Reconstructor:
         self.method = method
         self.settings = settings or Settings()
         self._saturation_level = float(saturation_level)
+        self._edges = None
+        if method == "fringe_edges":
+            self._edges = FringeEdges(rig, pattern, self.depth_range_m, saturation_level=self._saturation_level)
         self._pipeline = PhasePipeline(rig, pattern, self.depth_range_m, self.settings)
         if method == "phase_shift":
             check_steps(pattern)
@@ -91,6 +94,8 @@ class Reconstructor:
         ImageError
             Images of another shape, type or number.
         """
+        if self._edges is not None:
+            return self._edges.measure(left, right, first_step).shot
         images = [self._checked(name, image) for name, image in (("left", left), ("right", right))]
         if images[0].shape != images[1].shape:
             raise ImageError(f"{len(left)} left frames came with {len(right)} right ones; give as many of each")
@@ -98,11 +103,6 @@ class Reconstructor:
             return self._pipeline.from_steps(images[0], images[1], first_step)
         if self.method == "dense":
             return self._pipeline.from_single(images[0][0], images[1][0], first_step)
-        if self.method == "fringe_edges":
-            return fringe_edges(
-                left, right, self.rig, self.pattern, self.depth_range_m,
-                first_step=first_step, saturation_level=self._saturation_level,
-            ).shot  # fmt: skip
         return reference_plane(
             left, self.rig, self.pattern, self.depth_range_m, self.settings.reference_depth_m,
             first_step=first_step, saturation_level=self._saturation_level, settings=self.settings,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from edge_rigs import edge_rows, random_edges, rigs_under_test
 
-from moire_sensor.edge_candidates import RANGE_MARGIN_PX, find_candidates
+from moire_sensor.edge_candidates import RANGE_MARGIN_PX, CandidateRays, Candidates, find_candidates
+from moire_sensor.edge_find import EdgeRows
 from moire_sensor.paper_rig import paper_pattern
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
@@ -17,6 +18,11 @@ DEPTHS_M = (0.5, 2.0)
 
 def disparity_range(rig: StereoRig) -> tuple[float, float]:
     return float(rig.disparity_px(DEPTHS_M[1])), float(rig.disparity_px(DEPTHS_M[0]))
+
+
+def candidates_of(right: EdgeRows, rig: StereoRig) -> Candidates:
+    rays = CandidateRays.build(ProjectorMap.build(rig, paper_pattern()), disparity_range(rig), rig.image_size)
+    return find_candidates(right, rays)
 
 
 def slow_candidates(rig: StereoRig, x: float, y: float, side: int, rising: float) -> dict[int, float]:
@@ -48,7 +54,7 @@ def test_candidates_are_the_intersections_in_space(name: str) -> None:
     rig = RIGS[name]
     generator = np.random.default_rng(11)
     right = edge_rows([random_edges(generator, 0.0, 639.0, 6) for _ in range(8)])
-    candidates = find_candidates(right, ProjectorMap.build(rig, paper_pattern()), disparity_range(rig), 640)
+    candidates = candidates_of(right, rig)
     rising = -1.0 if name == "upside_down" else 1.0
     total = 0
     for y in range(8):
@@ -68,7 +74,7 @@ def test_the_line_is_that_of_equation_11() -> None:
     """In the paper's rig the candidates' X and Z lie on Z = M(1,1) / (x - M(1,3)) X + M(1,4) / (x - M(1,3))."""
     rig = RIGS["paper"]
     right = edge_rows([[(150.0, 1), (400.3, -1)]])
-    candidates = find_candidates(right, ProjectorMap.build(rig, paper_pattern()), disparity_range(rig), 640)
+    candidates = candidates_of(right, rig)
     M = rig.P_right / rig.P_right[2, 2]
     for number in range(2):
         x = float(right.x_px[0, number])
@@ -84,9 +90,7 @@ def test_the_line_is_that_of_equation_11() -> None:
 def test_orders_are_half_a_period_apart_for_the_two_sides() -> None:
     """physics.md: candidates k orders off lie 38.2 px apart, off phase by 105 degrees a step."""
     rig = RIGS["paper"]
-    candidates = find_candidates(
-        edge_rows([[(300.0, 1)]]), ProjectorMap.build(rig, paper_pattern()), disparity_range(rig), 640
-    )
+    candidates = candidates_of(edge_rows([[(300.0, 1)]]), rig)
     left_x = candidates.left_x_px[0, 0]
     steps = np.abs(np.diff(left_x[np.isfinite(left_x)]))
     np.testing.assert_allclose(steps, paper_pattern().period_px * 94.0 / 41.0, atol=1e-3)
@@ -96,5 +100,10 @@ def test_orders_are_half_a_period_apart_for_the_two_sides() -> None:
 
 def test_a_row_without_edges_has_no_candidates() -> None:
     rig = RIGS["paper"]
-    candidates = find_candidates(edge_rows([[]]), ProjectorMap.build(rig, paper_pattern()), disparity_range(rig), 640)
-    assert np.isnan(candidates.left_x_px).all()
+    right = edge_rows([[], [(300.0, 1)]])
+    rays = CandidateRays.build(ProjectorMap.build(rig, paper_pattern()), disparity_range(rig), rig.image_size)
+    room = rays.room(right)
+    room.left_x_px[:] = -5.0
+    candidates = find_candidates(right, rays, room=room)
+    assert np.all(candidates.left_x_px[0] == -5.0)
+    assert np.isfinite(candidates.left_x_px[1, 0]).sum() >= 4

@@ -13,11 +13,14 @@ from edge_rigs import rig_with_projector
 from moire_sensor.edge_depth import EdgeShot, fringe_edges
 from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.errors import ImageError, SettingsError
-from moire_sensor.paper_rig import PROJECTOR_X_M, paper_pattern, paper_rig
+from moire_sensor.paper_rig import PROJECTOR_SIZE, PROJECTOR_X_M, paper_pattern, paper_rig
 from moire_sensor.rig import StereoRig
 from moire_sensor.shot import UNKNOWN_ORDER, Status
-from moire_sim.analytic_scenes import analytic_capture, analytic_scene_names
+from moire_sim.analytic_scenes import AnalyticScene, analytic_capture, analytic_scene_names
+from moire_sim.analytic_surfaces import Relief
 from moire_sim.capture import HeadCapture
+from moire_sim.fringe_image import Light
+from tools.figures.stage import rig_of_rows
 
 RANGE_M = (0.5, 2.0)
 Triple = tuple[float, float, float]
@@ -91,6 +94,24 @@ def test_fringe_orders_are_those_of_the_pattern(name: str) -> None:
     # An edge lies a quarter of a period inside its order; 1.2 px of mismatch are far less.
     assert np.array_equal(points.fringe_order, capture.pattern.order_at(column))
     assert np.median(np.abs(error_px)) < 0.2
+
+
+@whole_scene
+@pytest.mark.parametrize("slope_x", [0.10, 0.15, 0.26])
+def test_a_slanted_board_is_not_taken_for_one_three_orders_farther(slope_x: float) -> None:
+    """At 0.6 m the fringes of a slanted board come closer, and those three orders off lie within the tolerance.
+
+    Seven left fringes then are nearly as wide as three candidates. At a slope of 0.2 they are exactly so, all over the
+    board: nothing in the images but their borders tells the two boards apart.
+    """
+    board = AnalyticScene.of((Relief(0.6, slope_x=slope_x, slope_y=0.05),), 0.0, rig_of_rows(48), PROJECTOR_SIZE)
+    light = Light(offset=80.0, amplitude=70.0, blur_px=0.5)
+    left, right = board.images(paper_pattern(), [light], noise=1.5)
+    capture = HeadCapture(left, right, board.depth_m, board.covisible, board.lit, board.rig, paper_pattern())
+    check_aim(of(capture), capture, wrong_order=0.001)
+    as_the_paper = of(capture, EdgeSettings(lambda_off=0.0))
+    error_px, _ = truth_at(as_the_paper, capture)
+    assert np.mean(np.abs(error_px) > 14.8) > 0.9
 
 
 def test_shot_holds_every_point_at_the_pixel_nearest_to_it() -> None:

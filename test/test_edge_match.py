@@ -9,7 +9,9 @@ import pytest
 from edge_rigs import edge_rows, random_edges
 
 from moire_sensor.edge_candidates import Candidates
-from moire_sensor.edge_match import LAMBDA_OC, TIE_BREAK, fill_table, last_match, match_edges, matching_rules
+from moire_sensor.edge_find import EdgeRows
+from moire_sensor.edge_match import EdgeMatch, match_edges, matching_rules
+from moire_sensor.edge_programme import NEAR, TIE_BREAK
 from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.edge_spread import in_company, spread_rows
 
@@ -31,61 +33,80 @@ def candidates_at(columns: list[list[list[float]]], orders: list[list[list[int]]
     return Candidates(left_x, half_order)
 
 
-def slow_unlike(left, right, candidates: np.ndarray, s: EdgeSettings) -> float:
-    """Four-valued dissimilarity, straight from section 3.4; 0 with the tie break of mismatch."""
+Edges = list[tuple[float, int]]
+
+
+def matched(
+    left: EdgeRows, right: EdgeRows, candidates: Candidates, settings: EdgeSettings | None = None
+) -> EdgeMatch:
+    settings = settings or EdgeSettings()
+    return match_edges(left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings), settings.rows)
+
+
+def slow_unlike(left: tuple[float, int], right: tuple[float, int], candidates: list[float], s: EdgeSettings) -> float:
+    """Dissimilarity, straight from section 3.4, the penalty without end; 0 with tie break and what distance adds."""
     inside = RANGE_PX[0] - 1.0 <= left[0] - right[0] <= RANGE_PX[1] + 1.0
     if left[1] != right[1] or not inside:
-        return s.penalty
-    off = min((abs(c - left[0]) for c in candidates if c == c), default=np.inf)
-    return TIE_BREAK * off / SAME_SIDE_PX if off <= SAME_SIDE_PX else s.lambda_mat
+        return np.inf
+    off = min(abs(c - left[0]) for c in candidates) / SAME_SIDE_PX
+    return TIE_BREAK * off + s.lambda_off * min(off / NEAR, 1.0) ** 2 if off <= 1.0 else s.lambda_mat
 
 
-def slow_best(left, right, candidates: np.ndarray, s: EdgeSettings) -> tuple[float, list[tuple[int, int]]]:
+def slow_best(
+    left: Edges, right: Edges, candidates: list[list[float]], s: EdgeSettings
+) -> tuple[float, list[tuple[int, int]]]:
     """Least J over every set of matches that keeps constraints 2 and 3."""
     n, m = len(left), len(right)
-    best: tuple[float, list[tuple[int, int]]] = (s.lambda_oc * ((n > 0) + (m > 0)), [])
+    best: tuple[float, list[tuple[int, int]]] = (cost_of([], left, right, candidates, s), [])
     for size in range(1, min(n, m) + 1):
         for chosen in itertools.product(itertools.combinations(range(n), size), itertools.combinations(range(m), size)):
             pairs = list(zip(*chosen, strict=True))
-            steps = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(pairs)]
-            if any(i > 1 and j > 1 for i, j in steps):
-                continue
-            ends = [pairs[0][0] > 0, pairs[0][1] > 0, pairs[-1][0] < n - 1, pairs[-1][1] < m - 1]
-            occlusions = sum(ends) + sum(i > 1 or j > 1 for i, j in steps)
-            unlike = sum(slow_unlike(left[i], right[j], candidates[j], s) for i, j in pairs)
-            cost = occlusions * s.lambda_oc - size * s.lambda_r + unlike
+            cost = cost_of(pairs, left, right, candidates, s)
             if cost < best[0] - 1e-9:
                 best = (cost, pairs)
     return best
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_cost_and_matches_equal_an_exhaustive_search(seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    left = random_edges(generator, 100.0, 200.0, int(generator.integers(0, 6)))
-    right = random_edges(generator, 0.0, 110.0, int(generator.integers(0, 6)))
-    # One candidate lies beside a left edge, most within the tolerance, the other anywhere.
-    lies = [x for x, _ in left] or [150.0]
-    columns = [[generator.choice(lies) + generator.normal(0, 0.8), generator.uniform(100, 200)] for _ in right]
-    settings = EdgeSettings(lambda_oc=float(generator.uniform(0.1, 1.5)), penalty=5.0)
-    lefts, rights = edge_rows([left]), edge_rows([right])
-    candidates = candidates_at([columns])
-    rules = matching_rules(RANGE_PX, PERIOD_PX, settings)
-    a, b = lefts.packed()[0, : len(left)], rights.packed()[0, : len(right)]
-    table = (len(left) + 1, len(right) + 1, 4)
-    best, origin = np.zeros(table), np.zeros(table, dtype=np.int8)
-    fill_table(a, b, candidates.left_x_px[0], rules, best, origin)
-    i, j = last_match(best, len(left), len(right), rules[LAMBDA_OC])
-    cost = settings.lambda_oc * ((i < len(left)) + (j < len(right))) + (best[i, j, 1] if i else 0.0)
+def cost_of(
+    pairs: list[tuple[int, int]], left: Edges, right: Edges, candidates: list[list[float]], s: EdgeSettings
+) -> float:
+    """J of a set of matches."""
+    n, m = len(left), len(right)
+    if not pairs:
+        return s.lambda_oc * ((n > 0) + (m > 0))
+    steps = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(pairs)]
+    if any(i > 1 and j > 1 for i, j in steps):
+        return np.inf
+    ends = [pairs[0][0] > 0, pairs[0][1] > 0, pairs[-1][0] < n - 1, pairs[-1][1] < m - 1]
+    occlusions = sum(ends) + sum(i > 1 or j > 1 for i, j in steps)
+    unlike = sum(slow_unlike(left[i], right[j], candidates[j], s) for i, j in pairs)
+    return occlusions * s.lambda_oc - len(pairs) * s.lambda_r + unlike
 
-    slow_cost, slow_pairs = slow_best(a, b, candidates.left_x_px[0], settings)
-    assert cost == pytest.approx(slow_cost, abs=1e-6)
-    found = match_edges(lefts, rights, candidates, rules).partner[0]
-    expected = np.full(lefts.x_px.shape[1], -1)
-    for i, j in slow_pairs:
-        if slow_unlike(a[i], b[j], candidates.left_x_px[0, j], settings) <= TIE_BREAK:
-            expected[i] = j
-    assert found.tolist() == expected.tolist()
+
+@pytest.mark.parametrize("lambda_off", [0.0, 0.4])
+def test_matches_are_those_of_an_exhaustive_search(lambda_off: float) -> None:
+    """Rows of up to five edges, of different numbers, as the kernel takes eight rows at a time."""
+    generator = np.random.default_rng(5)
+    settings = EdgeSettings(lambda_oc=0.9, lambda_off=lambda_off)
+    lefts = [random_edges(generator, 95.0, 150.0, int(generator.integers(0, 6))) for _ in range(90)]
+    rights = [random_edges(generator, 0.0, 50.0, int(generator.integers(0, 6))) for _ in range(90)]
+    # One candidate lies beside a left edge, most within the tolerance, the other anywhere.
+    columns = [
+        [[float(generator.choice([x for x, _ in left] or [150.0]) + generator.normal(0, 0.8)),
+          float(generator.uniform(95, 150))] for _ in right]
+        for left, right in zip(lefts, rights, strict=True)
+    ]  # fmt: skip
+    match = matched(edge_rows(lefts), edge_rows(rights), candidates_at(columns), settings)
+    total = 0
+    for y, (left, right, row) in enumerate(zip(lefts, rights, columns, strict=True)):
+        _, pairs = slow_best(left, right, row, settings)
+        expected = [-1] * len(left)
+        for i, j in pairs:
+            if slow_unlike(left[i], right[j], row[j], settings) < settings.lambda_mat:
+                expected[i] = j
+        assert match.partner[y, : len(left)].tolist() == expected, (y, left, right, row, pairs)
+        total += sum(partner >= 0 for partner in expected)
+    assert total > 50
 
 
 def even_edges(start: float, count: int, side: int = 1, pitch: float = 8.3) -> list[tuple[float, int]]:
@@ -96,8 +117,7 @@ def test_an_occluded_stretch_costs_one_occlusion_and_is_bridged() -> None:
     left = even_edges(200.0, 20)
     right = [(x - 100.0, side) for x, side in left[:8]] + [(x - 100.0, side) for x, side in left[12:]]
     candidates = candidates_at([[[x + 100.0] for x, _ in right]])
-    rules = matching_rules(RANGE_PX, PERIOD_PX, EdgeSettings())
-    match = match_edges(edge_rows([left]), edge_rows([right]), candidates, rules)
+    match = matched(edge_rows([left]), edge_rows([right]), candidates)
     assert match.partner[0].tolist() == [*range(8), -1, -1, -1, -1, *range(8, 16)]
 
 
@@ -107,8 +127,7 @@ def test_matches_never_cross_so_a_thin_thing_in_front_costs_the_background_or_it
     disparity = [60.0] * 4 + [100.0] * 2 + [60.0] * 4
     seen = sorted((x - d, side, x) for (x, side), d in zip(left, disparity, strict=True))
     right, truth = [(x, side) for x, side, _ in seen], [[at] for *_, at in seen]
-    rules = matching_rules(RANGE_PX, PERIOD_PX, EdgeSettings())
-    match = match_edges(edge_rows([left]), edge_rows([right]), candidates_at([truth]), rules)
+    match = matched(edge_rows([left]), edge_rows([right]), candidates_at([truth]))
     partners = match.partner[0][match.partner[0] >= 0]
     assert np.all(np.diff(partners) > 0)
     assert match.partner[0, 4] == match.partner[0, 5] == -1
@@ -116,15 +135,14 @@ def test_matches_never_cross_so_a_thin_thing_in_front_costs_the_background_or_it
 
 
 def test_an_edge_of_the_other_side_or_of_another_height_is_no_correspondence() -> None:
-    rules = matching_rules(RANGE_PX, PERIOD_PX, EdgeSettings())
     candidates = candidates_at([[[200.0], [208.3]]])
     right = edge_rows([even_edges(100.0, 2)])
-    assert match_edges(edge_rows([even_edges(200.0, 2)]), right, candidates, rules).partner.tolist() == [[0, 1]]
-    assert match_edges(edge_rows([even_edges(200.0, 2, -1)]), right, candidates, rules).partner.tolist() == [[-1, -1]]
+    assert matched(edge_rows([even_edges(200.0, 2)]), right, candidates).partner.tolist() == [[0, 1]]
+    assert matched(edge_rows([even_edges(200.0, 2, -1)]), right, candidates).partner.tolist() == [[-1, -1]]
     dark = edge_rows([even_edges(200.0, 2)], height=30.0)
-    assert match_edges(dark, right, candidates, rules).partner.tolist() == [[-1, -1]]
+    assert matched(dark, right, candidates).partner.tolist() == [[-1, -1]]
     shifted = edge_rows([even_edges(201.3, 2)])
-    assert match_edges(shifted, right, candidates, rules).partner.tolist() == [[-1, -1]]
+    assert matched(shifted, right, candidates).partner.tolist() == [[-1, -1]]
 
 
 def test_company_asks_for_neighbours_of_the_next_fringe_edge() -> None:
@@ -132,12 +150,12 @@ def test_company_asks_for_neighbours_of_the_next_fringe_edge() -> None:
     right = edge_rows([even_edges(100.0, 5)])
     orders = [[[4], [5], [6], [9], [10]]]
     candidates = candidates_at([[[x] for x, _ in even_edges(200.0, 5)]], orders)
-    match = match_edges(left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, EdgeSettings()))
-    assert in_company(match, candidates, 1).tolist() == [[True] * 5]
-    assert in_company(match, candidates, 2).tolist() == [[True] * 5]
-    assert in_company(match, candidates, 3).tolist() == [[True, True, True, False, False]]
+    match = matched(left, right, candidates)
+    assert in_company(match, left, candidates, 1).tolist() == [[True] * 5]
+    assert in_company(match, left, candidates, 2).tolist() == [[True] * 5]
+    assert in_company(match, left, candidates, 3).tolist() == [[True, True, True, False, False]]
     match.partner[0, 1] = -1
-    assert in_company(match, candidates, 2).tolist() == [[False, False, False, True, True]]
+    assert in_company(match, left, candidates, 2).tolist() == [[False, False, False, True, True]]
 
 
 def test_rows_between_follow_edges_that_drift_and_stop_where_they_end() -> None:
@@ -147,12 +165,12 @@ def test_rows_between_follow_edges_that_drift_and_stop_where_they_end() -> None:
     rows_l[9] = rows_l[9][:3]
     truth = candidates_at([[[x + 100.0] for x, _ in row] for row in rows_r])
     left, right = edge_rows(rows_l), edge_rows(rows_r)
-    rules = matching_rules(RANGE_PX, PERIOD_PX, settings)
-    match = match_edges(left, right, truth, rules, settings.rows)
+    match = matched(left, right, truth, settings)
     assert [y for y in range(10) if (match.partner[y] >= 0).any()] == [2, 7]
-    spread = spread_rows(match, left, right, truth, rules, settings)
-    assert spread.partner[:9].tolist() == [list(range(6))] * 9
-    assert spread.partner[9].tolist() == [0, 1, 2, -1, -1, -1]
+    spread_rows(match, left, right, truth, matching_rules(RANGE_PX, PERIOD_PX, settings), settings)
+    assert match.partner[:9].tolist() == [list(range(6))] * 9
+    assert match.partner[9, :3].tolist() == [0, 1, 2]
+    assert np.all(match.partner[9, 3:] == -1)
 
 
 def test_a_followed_edge_must_confirm_the_same_fringe() -> None:
@@ -162,6 +180,6 @@ def test_a_followed_edge_must_confirm_the_same_fringe() -> None:
     right = edge_rows([[(x - 100.0, side) for x, side in row]] * 2)
     columns = [[[x] for x, _ in row]] * 2
     candidates = candidates_at(columns, [[[0], [3], [2]], [[0], [1], [2]]])
-    rules = matching_rules(RANGE_PX, PERIOD_PX, settings)
-    spread = spread_rows(match_edges(left, right, candidates, rules, 2), left, right, candidates, rules, settings)
-    assert spread.partner.tolist() == [[0, -1, 2], [0, 1, 2]]
+    match = matched(left, right, candidates, settings)
+    spread_rows(match, left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings), settings)
+    assert match.partner.tolist() == [[0, -1, 2], [0, 1, 2]]

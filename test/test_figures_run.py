@@ -68,7 +68,7 @@ def test_matching_alone_is_what_the_whole_method_does() -> None:
     matches = speed_up.matching(made, 4)()
     known = np.isfinite(speed_up.solved(made, 4).depth_m)
     # The whole method drops matches without company and adds none.
-    rows = (matches.partner >= 0).sum(axis=1)  # type: ignore[attr-defined]
+    rows = (matches.partner >= 0).sum(axis=1)
     assert (known.sum(axis=1) <= rows).all()
     assert known.sum() > 0.95 * rows.sum()
 

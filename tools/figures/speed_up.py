@@ -12,15 +12,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numba import get_num_threads, set_num_threads
 
-from moire_sensor.edge_candidates import find_candidates, period_px
-from moire_sensor.edge_depth import fringe_edges
-from moire_sensor.edge_find import bright_share, find_edges
-from moire_sensor.edge_input import as_grey
-from moire_sensor.edge_match import match_edges, matching_rules
+from moire_sensor.edge_depth import FringeEdges, fringe_edges
+from moire_sensor.edge_match import EdgeMatch
 from moire_sensor.edge_settings import EdgeSettings
-from moire_sensor.edge_spread import spread_rows
 from moire_sensor.paper_rig import paper_pattern
-from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
 from moire_sim import VirtualHead
 from moire_sim.capture import HeadCapture
@@ -104,23 +99,17 @@ def processor_times_ms(capture: HeadCapture, rows: Sequence[int], repeats: int) 
     return [(float(whole), float(match)) for whole, match in medians.reshape(-1, 2)]
 
 
-def matching(capture: HeadCapture, rows: int) -> Callable[[], object]:
+def matching(capture: HeadCapture, rows: int) -> Callable[[], EdgeMatch]:
     """Return the matching of a capture's edges as a job of its own: dynamic programme and propagation."""
-    settings = EdgeSettings(rows=rows)
-    rig = capture.rig
-    left, right = (
-        find_edges(as_grey(name, image, rig, 255.0), settings)
-        for name, image in (("left", capture.left), ("right", capture.right))
-    )
-    projector = ProjectorMap.build(rig, capture.pattern)
-    near, far = DEPTH_RANGE_M
-    limits = (float(rig.disparity_px(far)), float(rig.disparity_px(near)))
-    bright = bright_share((left, right))
-    candidates = find_candidates(right, projector, limits, rig.image_size[0], 0.0, bright)
-    rules = matching_rules(limits, period_px(projector, rig, 0.5 * sum(limits)), settings)
-    return lambda: spread_rows(
-        match_edges(left, right, candidates, rules, rows), left, right, candidates, rules, settings
-    )
+    method = FringeEdges(capture.rig, capture.pattern, DEPTH_RANGE_M, EdgeSettings(rows=rows))
+    room = method.room()
+    method.find((capture.left, capture.right), 0.0, room)
+
+    def match() -> EdgeMatch:
+        method.match(room)
+        return room.match
+
+    return match
 
 
 def draw_times(results: Sequence[SpeedUp], path: Path) -> None:
