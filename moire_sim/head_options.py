@@ -23,6 +23,7 @@ class HeadOptions:
     bits : 8 (uint8), 12 or 16 (uint16, white at 4095 or 65535).
     projector_size : (width, height) of the projector's image, pixels.
     optics : flaws of projector, lenses, cameras and surfaces; ideal by default.
+    renderer : ``"tiny"``, ``"egl"``, or ``"auto"`` for EGL where it works; EGL is quicker, its depth is good to 0.1 mm.
     """
 
     light: Light = field(default_factory=Light)
@@ -30,6 +31,7 @@ class HeadOptions:
     bits: int = 8
     projector_size: tuple[int, int] = PROJECTOR_SIZE
     optics: Optics = IDEAL
+    renderer: str = "tiny"
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.noise <= 50.0:

@@ -5,6 +5,7 @@ This is the one file that imports pybullet.
 
 from __future__ import annotations
 
+import importlib.util
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +18,19 @@ import pybullet
 
 from moire_sensor.resources import resource_path
 from moire_sim.device_view import DeviceView
-from moire_sim.errors import SceneError
+from moire_sim.errors import SceneError, SimulatorError
 from moire_sim.joint_motion import PAN_JOINT, TILT_JOINT, JointLimit
 from moire_sim.meshes import Body, LoadedBody, to_obj
 from moire_sim.moment import Moment
-from moire_sim.render_maths import FAR_M, NEAR_M, clip_from_device, column_major, quaternion
+from moire_sim.render_maths import (
+    EGL_CENTRE,
+    FAR_M,
+    NEAR_M,
+    TINY_CENTRE,
+    clip_from_device,
+    column_major,
+    quaternion,
+)
 from moire_sim.scene_file import Scene
 from moire_sim.scene_shapes import sdf_poses
 
@@ -46,10 +55,12 @@ class Buffers:
 class GeometryRenderer:
     """A pybullet world with the head's URDF and a scene; at rest the left optical frame is the world frame."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
+    def __init__(self, scene: Scene, egl: bool = False) -> None:
+        self._scene, self._egl = scene, egl
         self._client = pybullet.connect(pybullet.DIRECT)
         try:
+            if egl:
+                load_egl(self._client)
             urdf = str(resource_path("urdf/head.urdf"))
             self._head = pybullet.loadURDF(urdf, useFixedBase=True, physicsClientId=self._client)
             # A link has the number of the joint that carries it.
@@ -114,13 +125,13 @@ class GeometryRenderer:
             width,
             height,
             column_major(np.diag([1.0, -1.0, -1.0, 1.0]) @ device_from_world),
-            column_major(clip_from_device(view)),
+            column_major(clip_from_device(view, EGL_CENTRE if self._egl else TINY_CENTRE)),
             lightAmbientCoeff=1.0,
             lightDiffuseCoeff=0.0,
             lightSpecularCoeff=0.0,
             shadow=0,
             flags=0 if with_bodies else pybullet.ER_NO_SEGMENTATION_MASK,
-            renderer=pybullet.ER_TINY_RENDERER,
+            renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if self._egl else pybullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
         # Wheels built without numpy return flat tuples.
@@ -209,3 +220,23 @@ def as_pose(position_m: Sequence[float], orientation: Sequence[float]) -> Array:
     matrix[:3, :3] = np.reshape(pybullet.getMatrixFromQuaternion(orientation), (3, 3))
     matrix[:3, 3] = position_m
     return matrix
+
+
+def load_egl(client: int) -> None:
+    """Let a world render by EGL, or raise SimulatorError; without a driver the plug-in may end the process."""
+    plugin = importlib.util.find_spec("eglRenderer")
+    if plugin is None or pybullet.loadPlugin(plugin.origin, "_eglRendererPlugin", physicsClientId=client) < 0:
+        raise SimulatorError("pybullet's EGL renderer cannot be loaded here; use renderer tiny")
+
+
+def egl_depth_m() -> float:
+    """Depth that EGL gives a wall at 1 m: a try in a process of its own, which a machine without EGL may end."""
+    from moire_sensor.paper_rig import paper_rig
+    from moire_sim.scenes import load_scene
+
+    rig = paper_rig()
+    renderer = GeometryRenderer(load_scene("flat_board"), egl=True)
+    try:
+        return float(np.median(renderer.render(DeviceView.of(rig.P_left, rig.image_size)).depth_m))
+    finally:
+        renderer.close()

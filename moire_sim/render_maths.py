@@ -9,6 +9,7 @@ from moire_sim.device_view import DeviceView
 
 Array = npt.NDArray[np.float64]
 NEAR_M, FAR_M = 0.2, 10.0
+TINY_CENTRE, EGL_CENTRE = (0.0, 1.0), (0.5, 0.5)
 
 
 def quaternion(rotation: Array) -> list[float]:
@@ -26,18 +27,19 @@ def quaternion(rotation: Array) -> list[float]:
     return vector
 
 
-def clip_from_device(view: DeviceView) -> Array:
-    """OpenGL projection (4, 4) of a device, for TinyRenderer with pixel centres at integers.
+def clip_from_device(view: DeviceView, centre: tuple[float, float]) -> Array:
+    """OpenGL projection (4, 4) of a device whose pixel centres are at integers.
 
-    TinyRenderer samples at whole window coordinates counted from the lower left corner, and image row v is window row
+    ``centre`` is where a renderer samples a pixel, columns and rows from its upper left corner: OpenGL in its middle;
+    TinyRenderer at whole window coordinates counted from the lower left corner, and image row v is window row
     height - 1 - v: hence no half pixel along a row and a whole one down a column.
     """
     (fx, skew, cx), (_, fy, cy), _ = view.intrinsic.tolist()
     width, height = view.size
     return np.array(
         [
-            [2.0 * fx / width, -2.0 * skew / width, 1.0 - 2.0 * cx / width, 0.0],
-            [0.0, 2.0 * fy / height, 2.0 * (cy + 1.0) / height - 1.0, 0.0],
+            [2.0 * fx / width, -2.0 * skew / width, 1.0 - 2.0 * (cx + centre[0]) / width, 0.0],
+            [0.0, 2.0 * fy / height, 2.0 * (cy + centre[1]) / height - 1.0, 0.0],
             [0.0, 0.0, -(FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M)],
             [0.0, 0.0, -1.0, 0.0],
         ]

@@ -26,6 +26,7 @@ from moire_sim.joint_motion import PAN_JOINT, TILT_JOINT, JointLimit
 from moire_sim.moment import Moment
 from moire_sim.real_look import RealLook
 from moire_sim.real_pictures import RealPictures
+from moire_sim.renderer_choice import uses_egl
 from moire_sim.scenes import load_scene
 from moire_sim.still_view import StillView, still_view
 
@@ -82,7 +83,8 @@ class VirtualHead:
         self._moves, self._base_moves = stage.moves, stage.head_motion is not None
         self._time_s = 0.0
         self._moment = Moment()
-        self._renderer = open_renderer()(stage)
+        self.uses_egl = uses_egl(self.options.renderer)
+        self._renderer = open_renderer()(stage, self.uses_egl)
         self._renderer.go_to(self._moment)
         self._base_at_start = self._renderer.world_from_base
         self._real: RealPictures | None = None

@@ -27,7 +27,14 @@ from moire_sim.fringe_programme import FringeProgramme
 from moire_sim.turns import NANOSECONDS, seconds_to_turn
 from moire_sim.virtual_head import VirtualHead
 from moire_sim.virtual_head_joints import BasePose, HeadJoints
-from moire_sim.virtual_head_parameters import FRINGE_SPECS, PRESET_SPEC, optics_specs, options_of, patterns_of
+from moire_sim.virtual_head_parameters import (
+    FRINGE_SPECS,
+    PRESET_SPEC,
+    RENDERER_SPEC,
+    optics_specs,
+    options_of,
+    patterns_of,
+)
 
 USAGE = """
 virtual_head --ros-args [-p scene:=flat_board] [-p rate_hz:=10] [-p seed:=0] [-p phase_steps:=1] [-r __ns:=/head]
@@ -61,7 +68,7 @@ HEAD_SPECS = (
         "wait_for_subscribers", 0, "subscribers of images and state to wait for first; 0: none", 0, 100, read_only=True
     ),
 )
-SPECS = (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC, *optics_specs())
+SPECS = (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC, RENDERER_SPEC, *optics_specs())
 
 
 class VirtualHeadNode(Node):  # type: ignore[misc]
@@ -72,7 +79,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
 
     def __init__(self, others: Collection[str] = ()) -> None:
         super().__init__("virtual_head", namespace=NAMESPACE)
-        values = declare(self, (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC))
+        values = declare(self, (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC, RENDERER_SPEC))
         values |= declare(self, optics_specs(values["optics"]))
         refuse_unknown(self, others=others)
         self._values = values
@@ -103,7 +110,8 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
             wait_s = seconds_to_turn(now_ns, values["rate_hz"], values["start_offset"])
             self._first_turn = self.create_timer(wait_s, self._begin_turns)
         self.get_logger().info(
-            f"ready: scene {values['scene']}, {values['rate_hz']:g} Hz, {values['phase_steps']} step(s)"
+            f"ready: scene {values['scene']}, {values['rate_hz']:g} Hz, {values['phase_steps']} step(s), "
+            f"optics {values['optics']}, rendered by {'EGL' if self._head.uses_egl else 'TinyRenderer'}"
         )
 
     def close(self) -> None:

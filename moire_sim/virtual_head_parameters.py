@@ -14,6 +14,7 @@ from moire_sensor.ros.projector_state import MAX_STEP_COUNT
 from moire_sim.fringe_image import Light
 from moire_sim.head_options import PRESETS, HeadOptions, preset
 from moire_sim.optics import Optics
+from moire_sim.renderer_choice import RENDERERS
 
 MAX_PERIOD_PX = 10000.0
 # These follow ros2 param set from the next exposure on.
@@ -26,6 +27,9 @@ FRINGE_SPECS = (
 )
 PRESET_SPEC = ParameterSpec(
     "optics", "clean", "values of the optics' parameters that are not given", choices=tuple(PRESETS), read_only=True
+)
+RENDERER_SPEC = ParameterSpec(
+    "renderer", "tiny", "of the geometry; auto: egl, which is quicker, where it works", choices=RENDERERS, read_only=True
 )
 
 
@@ -55,7 +59,7 @@ def options_of(values: Mapping[str, Any]) -> HeadOptions:
     light, optics = (
         {item.name: values[item.name] for item in fields(kind)} for kind in (Light, Optics)
     )
-    return HeadOptions(Light(**light), values["noise"], values["bits"], optics=Optics(**optics))
+    return HeadOptions(Light(**light), values["noise"], values["bits"], optics=Optics(**optics), renderer=values["renderer"])
 
 
 def patterns_of(values: Mapping[str, Any]) -> tuple[FringePattern, ...]:
