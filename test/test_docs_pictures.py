@@ -10,7 +10,8 @@ import pytest
 from PIL import Image
 from source_scan import ROOT
 
-from tools.docs import cloud
+from moire_sim import scene_names
+from tools.docs import cloud, gallery
 from tools.docs.stage_pictures import PICTURES, draw_stages, error_mm
 from tools.docs.stages import Stages, measure
 from tools.figures.stage import rig_of_rows
@@ -77,3 +78,18 @@ def test_the_animation_is_small_and_moves() -> None:
         image.seek(cloud.FRAMES // 4)
         assert np.abs(np.asarray(image.convert("RGB")).astype(int) - first).mean() > 5.0
     assert "docs/images/cloud.gif" in (ROOT / "README.md").read_text()
+
+
+def test_the_sheet_of_scenes_has_a_place_for_each() -> None:
+    rows = -(-len(scene_names()) // gallery.COLUMNS)
+    with Image.open(IMAGES / "scenes.png") as image:
+        assert image.size[1] == rows * (gallery.PANEL[1] + gallery.TEXT_PX), "scenes came or went: make figures"
+
+
+def test_depth_is_told_by_colour_and_unknown_is_grey() -> None:
+    depth_m = np.linspace(0.5, 2.0, 400, dtype=np.float32).reshape(20, 20)
+    depth_m[0, 0] = np.nan
+    tints = gallery.tinted(depth_m)
+    assert tuple(tints[0, 0]) == cloud.UNKNOWN
+    brightness = tints.reshape(-1, 3)[1:].astype(int).sum(axis=1)
+    assert (np.diff(brightness[::20]) < 0).all()

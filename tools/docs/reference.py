@@ -9,6 +9,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import yaml
+
 from moire_sensor.nav_cloud import NavSettings
 from moire_sensor.ros import (
     bag_recorder,
@@ -23,7 +25,7 @@ from moire_sensor.ros.parameters import ParameterSpec, specs_of
 from moire_sensor.ros.thresholds import Thresholds
 from moire_sensor.settings import Settings
 from moire_sensor.shot import Status
-from moire_sim import virtual_head_node
+from moire_sim import scene_names, virtual_head_node
 from tools.docs.launch_files import arguments_of
 from tools.docs.live_nodes import Channel, NodeFacts, facts_of_nodes
 from tools.docs.meanings import SERVICES, STATE, STATUS, TOPICS
@@ -37,6 +39,10 @@ Written by `make docs` from the running nodes, their parameters, the launch file
 Names without a leading slash are in the namespace of the head, `/head` unless another is given. Every publisher and
 subscription takes `qos_overrides.TOPIC.publisher` (or `subscription`) `.reliability`, `.durability`, `.history` and
 `.depth` as parameters. Every node also has the services of ROS parameters.
+"""
+SCENES_NOTE = """
+Options follow a colon: `scene:=flat_board:distance_m=0.8,slope=0.3`. A YAML file of your own, laid out as
+[those that ship](../config/scenes/cylinder_and_box.yaml), or a URDF or SDF file is given by its path.
 """
 ANY_TIME, AT_START = "any time", "start"
 
@@ -71,6 +77,8 @@ def page_of(nodes: dict[str, NodeFacts]) -> str:
         parts += [f"\n### {title}\n", *table(("name", "default", "allowed", "means", "set at"), map(spec_row, specs))]
     parts += ["\n### reconstruct_bag\n", "\nBesides these, each parameter of `reconstruction` as an option: "]
     parts += ["`--min-depth-m 0.4`.\n", *table(("option", "default", "means"), option_rows())]
+    parts += ["\n## Scenes of the virtual head\n", SCENES_NOTE]
+    parts += table(("scene", "shows", "options: default, range", "beyond 2 m, or moves"), scene_rows())
     parts += ["\n## Launch files\n", *launch_sections(), "\n## Frames\n"]
     parts += ["\n`frame_prefix` stands before each. Optical frames: x right, y down, z forward (REP 103).\n"]
     parts += table(("parent", "child", "joint", "place in the parent: m; rad", "limits"), frame_rows())
@@ -153,6 +161,17 @@ def option_rows() -> list[tuple[str, str, str]]:
         )
         for one in actions
     ]
+
+
+def scene_rows() -> list[tuple[str, str, str, str]]:
+    """Return the scenes that ship."""
+    rows = []
+    for name in scene_names():
+        content = yaml.safe_load((ROOT / "config" / "scenes" / f"{name}.yaml").read_text(encoding="utf-8"))
+        options = content.get("options", {}).items()
+        texts = [f"`{key}`: {one['default']:g}, {one['low']:g} to {one['high']:g}" for key, one in options]
+        rows.append((f"`{name}`", content["about"], "; ".join(texts) or "-", "yes" if content.get("indoor") else "no"))
+    return rows
 
 
 def launch_sections() -> list[str]:
