@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +11,7 @@ from numba import njit, prange
 from moire_sensor.rig import StereoRig
 from moire_sensor.settings import check_ranges, setting
 from moire_sensor.shot import Shot
+from moire_sensor.voxels import voxel_means
 
 Cloud = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
@@ -22,11 +21,6 @@ SAME_SURFACE = 0.02
 REACH_PX = 3
 # Clearing rays: one for each block of this side, pixels; 13 mm apart at 2 m in the paper's rig.
 RAY_BLOCK_PX = 8
-# A voxel of which fewer of the pixels that fall into it are trusted is left out: where the sensor doubts most of a
-# surface, those few beside them that pass are as wrong (a door's reveal seen at a grazing angle, off by 0.1 m).
-TRUSTED_SHARE = 1.0 / 3.0
-# A grid of this size is counted directly, five times as fast as sorting the points; a larger one costs memory.
-MAX_GRID_CELLS = 4_000_000
 
 
 @dataclass(frozen=True)
@@ -48,6 +42,14 @@ class NavSettings:
         check_ranges(self)
 
 
+def warm_up() -> None:
+    """Load or compile the kernels of this module and of the voxels."""
+    points = np.ones((2, 4), dtype=np.float32)
+    supported(points)
+    distances(points[None])
+    voxel_means(points, points[:, 0], np.ones(2, dtype=np.bool_), 1.0, 0.0)
+
+
 def obstacle_cloud(rig: StereoRig, cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
     """Return (1, N, C) float32, one point a voxel: surfaces within range, without flying pixels.
 
@@ -58,12 +60,11 @@ def obstacle_cloud(rig: StereoRig, cloud: Cloud, shot: Shot, nav: NavSettings) -
     shot : the shot that the cloud is of.
     nav : thresholds.
     """
-    near = np.square(cloud[..., :3]).sum(axis=-1) <= nav.nav_max_range_m**2
-    surface = near & supported(shot.depth_m)
-    points = cloud[surface]
+    surface = np.flatnonzero((distances(cloud) <= nav.nav_max_range_m) & supported(shot.depth_m))
+    points = cloud.reshape(-1, cloud.shape[-1])[surface]
     # What one pixel covers of a facing square of a voxel's size.
     share = points[:, 2] ** 2 / (rig.fx_px * rig.fy_px * nav.nav_voxel_m**2)
-    trusted = shot.confidence[surface] >= nav.nav_min_confidence
+    trusted = shot.confidence.reshape(-1)[surface] >= nav.nav_min_confidence
     return voxel_means(points, share, trusted, nav.nav_voxel_m, nav.nav_min_fill)
 
 
@@ -74,15 +75,15 @@ def clearing_cloud(cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
     it or at the range, if that is nearer. Pixels without a depth clear nothing: to the sensor, black things look like
     open space. The parameters are those of :func:`obstacle_cloud`.
     """
-    distance_m = np.sqrt(np.square(cloud[..., :3]).sum(axis=-1))
     trusted = (shot.confidence >= nav.nav_min_confidence) & supported(shot.depth_m)
-    in_blocks = blocks(np.where(trusted, distance_m, np.float32(np.inf)))
-    nearest = in_blocks.argmin(axis=-1)[..., None]
-    nearest_m = np.take_along_axis(in_blocks, nearest, axis=-1)[..., 0]
+    in_blocks = blocks(np.where(trusted, distances(cloud), np.float32(np.inf)))
+    nearest = in_blocks.argmin(axis=-1)
+    nearest_m = np.take_along_axis(in_blocks, nearest[..., None], axis=-1)[..., 0]
     free_m = np.minimum(nearest_m - np.float32(nav.nav_voxel_m), np.float32(nav.nav_max_range_m))
     known = 2 * np.isfinite(in_blocks).sum(axis=-1) > in_blocks.shape[-1]
-    towards = [np.take_along_axis(blocks(channel), nearest, axis=-1)[..., 0] for channel in np.moveaxis(cloud, -1, 0)]
-    ends = np.stack(towards, axis=-1)[known]
+    row, column = np.nonzero(known)
+    within = np.divmod(nearest[known], RAY_BLOCK_PX)
+    ends = cloud[row * RAY_BLOCK_PX + within[0], column * RAY_BLOCK_PX + within[1]]
     ends[:, :3] *= (free_m[known] / nearest_m[known])[:, None]
     return np.asarray(ends[None], dtype=np.float32)
 
@@ -93,6 +94,21 @@ def blocks(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     rows, columns = image.shape[0] // side, image.shape[1] // side
     cut = image[: rows * side, : columns * side].reshape(rows, side, columns, side)
     return np.ascontiguousarray(cut.swapaxes(1, 2)).reshape(rows, columns, side * side)
+
+
+def distances(cloud: Cloud) -> npt.NDArray[np.float32]:
+    """Return the distance of each point of a cloud (H, W, C) from the camera, (H, W) metres, NaN where unknown."""
+    distance_m = np.empty(cloud.shape[:2], dtype=np.float32)
+    find_distances(cloud, distance_m)
+    return distance_m
+
+
+@njit(parallel=True, cache=True)
+def find_distances(cloud, distance_m):  # type: ignore[no-untyped-def]
+    """Fill ``distance_m`` (H, W) float32 from x y z, the first channels of ``cloud`` (H, W, C) float32."""
+    for y in prange(cloud.shape[0]):
+        for x in range(cloud.shape[1]):
+            distance_m[y, x] = np.sqrt(cloud[y, x, 0] ** 2 + cloud[y, x, 1] ** 2 + cloud[y, x, 2] ** 2)
 
 
 def supported(depth_m: npt.NDArray[np.float32]) -> Mask:
@@ -125,35 +141,3 @@ def find_supported(depth, reach, mask):  # type: ignore[no-untyped-def]
                 if y + step < height:
                     in_column += abs(depth[y + step, x] - depth[y, x]) <= tolerance
             mask[y, x] = in_row >= reach and in_column >= reach
-
-
-def voxel_means(
-    points: Cloud, share: npt.NDArray[np.floating[Any]], trusted: Mask, voxel_m: float, min_fill: float
-) -> Cloud:
-    """Return (1, M, C): the mean of the trusted points in each voxel whose shares sum up to ``min_fill``.
-
-    ``points`` is (N, C) float32, x y z in metres first, all finite; ``share`` (N,) what each point fills of its voxel;
-    of a voxel's points, TRUSTED_SHARE at least must be ``trusted`` (N,). The grid of ``voxel_m`` metres is fixed to
-    the origin of the optical frame.
-    """
-    if not trusted.any():
-        return np.empty((1, 0, points.shape[-1]), dtype=np.float32)
-    voxel = voxel_numbers(points[:, :3], voxel_m)
-    every = np.bincount(voxel)
-    voxel, points, share = voxel[trusted], points[trusted], share[trusted]
-    count = np.bincount(voxel, minlength=len(every))
-    full = (count > 0) & (count >= TRUSTED_SHARE * every)
-    full &= np.bincount(voxel, weights=share, minlength=len(every)) >= min_fill
-    sums = [np.bincount(voxel, weights=channel, minlength=len(every))[full] for channel in points.T]
-    return np.asarray(np.stack(sums, axis=-1) / count[full, None], dtype=np.float32)[None]
-
-
-def voxel_numbers(points_m: Cloud, voxel_m: float) -> npt.NDArray[np.int64]:
-    """Return the number of each point's (N, 3) voxel, counted from 0; not every number need occur."""
-    cells = np.floor(points_m / voxel_m).astype(np.int64)
-    cells -= cells.min(axis=0)
-    sides = cells.max(axis=0) + 1
-    numbers: npt.NDArray[np.int64] = (cells[:, 2] * sides[1] + cells[:, 1]) * sides[0] + cells[:, 0]
-    if math.prod(sides.tolist()) <= MAX_GRID_CELLS:
-        return numbers
-    return np.asarray(np.unique(numbers, return_inverse=True)[1])

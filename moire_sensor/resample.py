@@ -31,6 +31,13 @@ def resample(image: Grey, pixel_map: npt.NDArray[np.float32]) -> Grey:
     return result
 
 
+def warm_up() -> None:
+    """Load or compile the kernels for both kinds of images."""
+    places = np.stack(np.meshgrid(np.arange(64), np.arange(48)), axis=-1).astype(np.float32)
+    resample(np.zeros((48, 64), dtype=np.uint8), places)
+    resample(np.zeros((48, 64), dtype=np.uint16), places)
+
+
 @njit(inline="always", fastmath=False)
 def cubic_weights(part):  # type: ignore[no-untyped-def]
     """Lagrange weights of the pixels at -1, 0, 1 and 2 for a place ``part`` (0..1) behind pixel 0."""

@@ -16,10 +16,10 @@ from moire_sensor.nav_cloud import (
     clearing_cloud,
     obstacle_cloud,
     supported,
-    voxel_means,
 )
 from moire_sensor.paper_rig import paper_rig
 from moire_sensor.shot import Shot
+from moire_sensor.voxels import voxel_means
 
 Depth = np.ndarray[Any, np.dtype[np.float32]]
 WALL_M, BOX_M = 1.8, 1.0

@@ -8,21 +8,15 @@ from __future__ import annotations
 
 import sys
 
-import numpy as np
-
-from moire_sensor import Reconstructor
-from moire_sensor.paper_rig import paper_pattern, paper_rig
-from moire_sensor.resample import resample
+from moire_sensor.reconstructor import METHODS
+from moire_sensor.ros.kernels import warm_up
+from moire_sensor.settings import Settings
 
 
 def main() -> int:
-    """Warm up the methods that the nodes offer, and the rectification."""
+    """Warm up all that the nodes offer."""
     print("kernels: compiling or loading (a minute or two the first time)", file=sys.stderr, flush=True)
-    for method, steps in (("dense", 1), ("phase_shift", 4), ("fringe_edges", 1), ("reference_plane", 1)):
-        Reconstructor(paper_rig(), paper_pattern(steps), method=method).warm_up()
-    places = np.stack(np.meshgrid(np.arange(64), np.arange(48)), axis=-1).astype(np.float32)
-    resample(np.zeros((48, 64), dtype=np.uint8), places)
-    resample(np.zeros((48, 64), dtype=np.uint16), places)
+    warm_up(set(METHODS), Settings())
     return 0
 
 

@@ -13,11 +13,10 @@ from rclpy.duration import Duration
 from std_msgs.msg import Header
 
 from moire_sensor.errors import MoireError, SettingsError
-from moire_sensor.paper_rig import paper_pattern, paper_rig
-from moire_sensor.reconstructor import Reconstructor
 from moire_sensor.ros.diagnostics import DiagnosticsPublisher
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.head_inputs import HeadInputs
+from moire_sensor.ros.kernels import warm_up
 from moire_sensor.ros.lifecycle import STEADY_CLOCK, ManagedNode
 from moire_sensor.ros.parameters import changed_values, declare, refuse_unknown
 from moire_sensor.ros.qos import destroy_publisher, overridable, publisher_maker, publisher_qos
@@ -139,10 +138,8 @@ class ReconstructionNode(ManagedNode):
 
     def _warm_up(self) -> None:
         """In the worker's thread: load or compile the kernels, so that no set is superseded by a slow start."""
-        settings = self._settings.settings
-        Reconstructor(paper_rig(), paper_pattern(), settings=settings).warm_up()
-        if self._settings.method == "phase_shift":
-            Reconstructor(paper_rig(), paper_pattern(4), method="phase_shift", settings=settings).warm_up()
+        # Dense too: whoever changes the method at run time most likely changes to it.
+        warm_up({"dense", self._settings.method}, self._settings.settings)
 
     def _tell_of_kernels(self) -> None:
         self._compiling_s += KERNEL_NEWS_S
