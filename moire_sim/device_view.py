@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+
+from moire_sim.surface_kernels import fill_smooth_difference, fill_visible
 
 Array = npt.NDArray[np.float64]
 # A point this far behind the buffer's surface is hidden: above what curvature bends within one pixel (0.02 mm on a
@@ -39,6 +42,7 @@ class DeviceView:
         rotation, shift = self.device_from_left[:3, :3], self.device_from_left[:3, 3]
         return np.asarray(-rotation.T @ shift)
 
+    @cached_property
     def rays(self) -> Array:
         """Directions (H, W, 3) of the pixels in the device's own frame, z = 1."""
         width, height = self.size
@@ -48,7 +52,7 @@ class DeviceView:
 
     def points(self, depth_m: Array) -> Array:
         """Points (H, W, 3) of a depth buffer (H, W), in the left optical frame."""
-        return self.to_left(self.rays() * depth_m[..., None])
+        return self.to_left(self.rays * depth_m[..., None])
 
     def to_left(self, points_m: Array) -> Array:
         """Move points (..., 3) from the device's frame to the left optical frame."""
@@ -69,38 +73,19 @@ def visible_share(view: DeviceView, depth_m: Array, points_m: Array, planes: Arr
     itself, however steep, and a shadow's edge lies between pixels. Points outside the image, not finite, or facing
     away are not seen.
     """
-    width, height = view.size
-    column, row, own_z = projected(view, points_m)
-    inside = (column > -0.5) & (column < width - 0.5) & (row > -0.5) & (row < height - 0.5) & (own_z > 0.0)
-    column, row, own_z = (np.where(inside, values, 1.0) for values in (column, row, own_z))
-    inverse_z = inverse_depth_in_pixels(view, planes)
-    nearest_z, furthest_z = (1.0 - TANGENT_REACH) * own_z, (1.0 + TANGENT_REACH) * own_z
-    filled = np.where(np.isfinite(depth_m), depth_m, np.inf)
-    first_column, first_row = np.floor(column), np.floor(row)
-    seen = np.zeros(own_z.shape)
-    for across, column_weight in ((0.0, 1.0 - (column - first_column)), (1.0, column - first_column)):
-        at_column = np.clip(first_column + across, 0, width - 1)
-        for down, row_weight in ((0.0, 1.0 - (row - first_row)), (1.0, row - first_row)):
-            at_row = np.clip(first_row + down, 0, height - 1)
-            expected = tangent_depth(inverse_z, at_column, at_row, nearest_z, furthest_z)
-            found = filled[at_row.astype(np.intp), at_column.astype(np.intp)]
-            seen += column_weight * row_weight * (found > expected - SHADOW_BIAS_M)
     faces = dot(planes, points_m - view.centre_m) > 0.0
-    return np.where(inside & faces, seen, 0.0).astype(np.float32)
+    own, inverse_z = view.to_device(points_m), inverse_depth_in_pixels(view, planes)
+    seen = np.empty(faces.size, dtype=np.float32)
+    fill_visible(
+        own.reshape(-1, 3), inverse_z.reshape(-1, 3), faces.ravel(), view.intrinsic, depth_m,
+        SHADOW_BIAS_M, TANGENT_REACH, seen,
+    )  # fmt: skip
+    return seen.reshape(faces.shape)
 
 
 def dot(one: Array, two: Array) -> Array:
     """Scalar products (...) of vectors (..., 3)."""
     return np.asarray(np.einsum("...i,...i->...", one, two))
-
-
-def projected(view: DeviceView, points_m: Array) -> tuple[Array, Array, Array]:
-    """Columns, rows and own depths (...) of points (..., 3) in the left optical frame; NaN stays so."""
-    own = view.to_device(points_m)
-    x, y, z = own[..., 0], own[..., 1], own[..., 2]
-    (fx, skew, cx), (_, fy, cy), _ = view.intrinsic
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray((fx * x + skew * y) / z + cx), np.asarray(fy * y / z + cy), np.asarray(z)
 
 
 def inverse_depth_in_pixels(view: DeviceView, planes: Array) -> Array:
@@ -109,13 +94,6 @@ def inverse_depth_in_pixels(view: DeviceView, planes: Array) -> Array:
     turned = planes @ rotation.T
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray((turned @ np.linalg.inv(view.intrinsic)) / (1.0 + turned @ shift)[..., None])
-
-
-def tangent_depth(inverse_z: Array, column: Array, row: Array, nearest_z: Array, furthest_z: Array) -> Array:
-    """Depth (...) of tangent planes at buffer pixels, within bounds that keep a grazing plane finite."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        depth = 1.0 / (inverse_z[..., 0] * column + inverse_z[..., 1] * row + inverse_z[..., 2])
-    return np.asarray(np.clip(depth, nearest_z, furthest_z))
 
 
 def tangent_planes(view: DeviceView, depth_m: Array) -> Array:
@@ -138,13 +116,7 @@ def tangent_planes(view: DeviceView, depth_m: Array) -> Array:
 
 def smooth_difference(values: Array, axis: int) -> Array:
     """Difference per pixel (H, W): central on smooth parts, on the smoother side beside an edge (ENO)."""
-    v = np.moveaxis(
-        np.pad(values, [(2, 2) if a == axis else (0, 0) for a in (0, 1)], mode="reflect", reflect_type="odd"), axis, -1
-    )
-    steps = np.diff(v, axis=-1)
-    bends = np.abs(np.diff(steps, axis=-1))
-    before, after = steps[..., 1:-2], steps[..., 2:-1]
-    bend_before, bend_here, bend_after = bends[..., :-2], bends[..., 1:-1], bends[..., 2:]
-    one_sided = np.where(bend_before < bend_after, before, after)
-    smooth = bend_here <= 4.0 * np.minimum(bend_before, bend_after) + 1e-6 * v[..., 2:-2]
-    return np.asarray(np.moveaxis(np.where(smooth, (before + after) / 2.0, one_sided), -1, axis))
+    along = np.ascontiguousarray(np.moveaxis(values, axis, -1))
+    difference = np.empty_like(along)
+    fill_smooth_difference(along, difference)
+    return np.asarray(np.moveaxis(difference, -1, axis))

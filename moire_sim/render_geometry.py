@@ -71,6 +71,9 @@ class GeometryRenderer:
             self._place(self._head, self._world_from_base)
             self._placed = [self._add(number, body) for number, body in enumerate(scene.bodies, start=1)]
             self._poses = [np.eye(4) for _ in scene.bodies]
+            albedos = [self._albedo_of(body, placed) for body, placed in zip(scene.bodies, self._placed, strict=True)]
+            # The last one is of number -1: what is not of the scene.
+            self._albedos = np.array([*albedos, 0.0], dtype=np.float32)
         except BaseException:
             self.close()
             raise
@@ -130,24 +133,36 @@ class GeometryRenderer:
             lightDiffuseCoeff=0.0,
             lightSpecularCoeff=0.0,
             shadow=0,
-            flags=0 if with_bodies else pybullet.ER_NO_SEGMENTATION_MASK,
+            flags=0 if with_bodies or self._egl else pybullet.ER_NO_SEGMENTATION_MASK,
             renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if self._egl else pybullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
         # Wheels built without numpy return flat tuples.
         window = np.asarray(depth, dtype=np.float64).reshape(height, width)
         z = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * window)
-        red = np.asarray(colour, dtype=np.uint8).reshape(height, width, 4)[..., 0]
         known = window < 1.0 - 1e-6
-        bodies = self._numbers(np.asarray(segments).reshape(height, width), known) if with_bodies else None
+        bodies = self._numbers(segments, known) if with_bodies or self._egl else None
+        if self._egl and bodies is not None:
+            # This renderer shades whatever it is told; the scene knows its albedos.
+            return Buffers(np.where(known, z, np.nan), self._albedos[bodies], bodies)
+        red = np.asarray(colour, dtype=np.uint8).reshape(height, width, 4)[..., 0]
         return Buffers(np.where(known, z, np.nan), (red / 255.0).astype(np.float32), bodies)
 
-    def _numbers(self, segments: npt.NDArray[np.integer], known: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+    def _numbers(self, segments: Any, known: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
         """Numbers (H, W) of the scene's bodies; the head itself, where it is seen, counts as nothing."""
         number_of = np.full(pybullet.getNumBodies(physicsClientId=self._client), -1, dtype=np.int32)
         for number, placed in enumerate(self._placed):
             number_of[list(placed)] = number
-        return np.where(known, number_of[np.where(known, segments & BODY_BITS, 0)], -1).astype(np.int32)
+        body = np.asarray(segments, dtype=np.int32).reshape(known.shape) & BODY_BITS
+        return np.where(known, number_of[np.where(known, body, 0)], -1).astype(np.int32)
+
+    def _albedo_of(self, body: Body | LoadedBody, placed: dict[int, Array]) -> float:
+        """Albedo 0 to 1 as a picture of 8 bits has it; of what a file colours itself, that of its first visual."""
+        if isinstance(body, LoadedBody) and body.kind != "mesh":
+            red = pybullet.getVisualShapeData(next(iter(placed)), physicsClientId=self._client)[0][7][0]
+        else:
+            red = body.albedo
+        return int(255.0 * float(red)) / 255.0
 
     def _joint_infos(self) -> list[Any]:
         joints = range(pybullet.getNumJoints(self._head, physicsClientId=self._client))

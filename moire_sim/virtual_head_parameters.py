@@ -29,7 +29,7 @@ PRESET_SPEC = ParameterSpec(
     "optics", "clean", "values of the optics' parameters that are not given", choices=tuple(PRESETS), read_only=True
 )
 RENDERER_SPEC = ParameterSpec(
-    "renderer", "tiny", "of the geometry; auto: egl, which is quicker, where it works", choices=RENDERERS, read_only=True
+    "renderer", "tiny", "of the geometry; auto: egl, the quicker, where it works", choices=RENDERERS, read_only=True
 )
 
 
@@ -56,10 +56,10 @@ def options_of(values: Mapping[str, Any]) -> HeadOptions:
     """Return the options that parameters ask for; raises SettingsError for values that do not go together."""
     if values["bits"] not in (8, 12, 16):
         raise SettingsError(f"parameter bits is {values['bits']}; allowed are 8, 12 and 16")
-    light, optics = (
-        {item.name: values[item.name] for item in fields(kind)} for kind in (Light, Optics)
-    )
-    return HeadOptions(Light(**light), values["noise"], values["bits"], optics=Optics(**optics), renderer=values["renderer"])
+    light, optics = ({item.name: values[item.name] for item in fields(kind)} for kind in (Light, Optics))
+    renderer: str = values["renderer"]
+    return HeadOptions(Light(**light), values["noise"], values["bits"], optics=Optics(**optics), renderer=renderer)
+
 
 
 def patterns_of(values: Mapping[str, Any]) -> tuple[FringePattern, ...]:

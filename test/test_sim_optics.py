@@ -21,6 +21,7 @@ from moire_sim.exposure import projected_signal
 from moire_sim.finish import Finish
 from moire_sim.optics import IDEAL
 from moire_sim.projector_light import blurred_signal
+from moire_sim.renderer_choice import egl_works
 from moire_sim.score import near_edges
 from tools.bench.validation import (
     CASES,
@@ -253,3 +254,29 @@ def test_edges_of_this_rig_are_where_its_truth_has_them() -> None:
     for name in ("depth_m", "covisible", "lit"):
         np.testing.assert_array_equal(getattr(captures[0], name), getattr(captures[1], name))
     assert near_edges(captures[0]).mean() < 0.9
+
+
+def test_egl_draws_what_the_tiny_renderer_draws() -> None:
+    """OpenGL snaps corners to 1/256 px, which a slope turns into depth: 0.05 mm at 1 m for the paper's pixels."""
+    if not egl_works():
+        pytest.skip("EGL does not render on this machine")
+    options = replace(QUIET, optics=Optics(projector_blur_px=1e-6))
+    captures = []
+    for renderer in ("tiny", "egl"):
+        chosen = replace(options, renderer=renderer)
+        with VirtualHead("flat_board:slope=0.5", rig=quarter_rig(), options=chosen) as head:
+            assert head.uses_egl == (renderer == "egl")
+            captures.append(head.capture(quarter_pattern(4)))
+    tiny, egl = captures
+    # Pixels of this rig are four times as wide as the paper's, and so is what a 256th of one does to depth.
+    assert np.quantile(np.abs(egl.depth_m - tiny.depth_m), 0.99) < 4 * 5e-5
+    phases = [np.arctan2(one.left[3] - 1.0 * one.left[1], one.left[0] - 1.0 * one.left[2]) for one in captures]
+    off_px = np.angle(np.exp(1j * (phases[1] - phases[0]))) * quarter_pattern().period_px / (2.0 * math.pi)
+    assert np.quantile(np.abs(off_px[tiny.lit]), 0.99) < PHASE_LIMIT_PX
+    # Albedos come in 8 bits, and may be rounded otherwise.
+    np.testing.assert_allclose(egl.left.mean(), tiny.left.mean(), rtol=1.0 / 255.0)
+
+
+def test_an_unknown_renderer_is_refused() -> None:
+    with pytest.raises(SettingsError, match="renderer is 'vulkan'; choose one of tiny, egl, auto"):
+        VirtualHead(options=HeadOptions(renderer="vulkan"))
