@@ -33,8 +33,8 @@ SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
 RANGE_MARGIN = 0.02
 # Lets the projector steady the start of a match by grey levels where shading moves the phases.
 START_ALIGNMENT_PX = 0.15
-# Runs of phase steps shorter than this are accidents; a single shot cannot measure less than a quarter of a period.
-SLIVER_STEPS_PX = 3
+# Runs shorter than this are accidents; from one window of a period, those shorter than this share of it.
+SLIVER_PX, SLIVER_PERIODS = 3, 0.375
 # Where the projector measures, the alignment of the pair matters less: the real hand has patches 0.22 rad off.
 PROJECTOR_SLACK = 1.7
 
@@ -89,19 +89,24 @@ class PhasePipeline:
     def _ways(self) -> tuple[Way, Way]:
         """The ways of a single shot and of phase steps."""
         settings = self.settings
-        quarter_px = self._carriers[0].half_width_px // 2
+        least_px = int(SLIVER_PERIODS * (2 * self._carriers[0].half_width_px))
         if not self._by_stereo:
             usual = settings, settings.max_mismatch_rad
-            return Way(True, SHADING_SINGLE_RAD, *usual, quarter_px), Way(
-                False, SHADING_STEPS_RAD, *usual, SLIVER_STEPS_PX
+            return Way(True, SHADING_SINGLE_RAD, *usual, least_px), Way(
+                False, SHADING_STEPS_RAD, *usual, SLIVER_PX
             )
         # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
         starting = replace(settings, alignment_px=min(settings.alignment_px, START_ALIGNMENT_PX))
         strict = replace(settings, alignment_px=0.0), settings.max_mismatch_steps_rad
         return (
-            Way(True, SHADING_SINGLE_RAD, starting, settings.max_mismatch_rad, quarter_px),
-            Way(False, SHADING_STEPS_RAD, *strict, SLIVER_STEPS_PX),
+            Way(True, SHADING_SINGLE_RAD, starting, settings.max_mismatch_rad, least_px),
+            Way(False, SHADING_STEPS_RAD, *strict, SLIVER_PX),
         )
+
+    @property
+    def window_px(self) -> int:
+        """Columns of a single shot's window, a fringe period."""
+        return 2 * self._carriers[0].half_width_px + 1
 
     def _buffers(self, planes: int) -> Float32:
         """Memory for the phases of both cameras, (2, planes, H, W)."""
@@ -150,6 +155,8 @@ class PhasePipeline:
         if self._by_stereo:
             match = extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
             bridge(match, greys, phases[0].amplitude, self.settings)
+            if way.single:
+                drop_slivers(match.disparity_px, SLIVER_PX)
         return self._shot(phases, match, margin, np.isfinite(match.disparity_px))
 
     def _refine(
@@ -211,15 +218,20 @@ class PhasePipeline:
         keep &= views_agree
         depth[~keep] = np.nan
         disparity = np.where(keep, match.disparity_px, np.float32(np.nan))
+        confidence = confidence_of(disparity, match, margin)
+        doubtful = keep & (confidence < np.float32(self.settings.min_confidence))
+        for image, unknown in ((depth, np.nan), (disparity, np.nan), (confidence, 0.0), (keep, False)):
+            image[doubtful] = unknown
         sigma = depth * depth / focal_times_baseline * match.sigma_px
-        status = phases[0].status.copy()
+        status = np.where(keep, np.uint8(Status.OK), phases[0].status)
         status[(status == Status.OK) & ~keep] = lost
+        status[doubtful] = Status.AMBIGUOUS
         return Shot(
             depth_m=depth,
             depth_sigma_m=sigma.astype(np.float32, copy=False),
             disparity_px=disparity,
             fringe_order=fringe_orders(disparity, self._projector),
-            confidence=confidence_of(disparity, match, margin),
+            confidence=confidence,
             status=status,
             background=phases[0].background,
             typical_mismatch_rad=typical_rad,

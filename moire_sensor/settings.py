@@ -58,6 +58,7 @@ class Settings:
         0, 0, 10, "rows and columns on either side that a depth of phase steps is averaged with, pixels"
     )
     max_motion_rad: float = setting(0.8, 0.0, 3.0, "largest phase drift from frame to frame that is believed, radians")
+    min_confidence: float = setting(0.1, 0.0, 1.0, "depths of less confidence are left unknown")
     image_noise: float = setting(1.5, 0.01, 50.0, "camera noise where the frames cannot tell it, grey levels of 255")
     reference_depth_m: float = setting(1.5, 0.01, 100.0, "depth of the plane that reference_plane compares with, m")
     min_segment_px: int = setting(60, 0, 100000, "smallest connected surface that is kept, pixels")  # type: ignore[assignment]

@@ -21,7 +21,7 @@ from dense_rigs import (
     sensor,
 )
 
-from moire_sensor import Reconstructor, Shot, StereoRig
+from moire_sensor import Reconstructor, Settings, Shot, Status, StereoRig
 from moire_sensor.paper_rig import paper_pattern
 from moire_sim.analytic_scenes import analytic_capture, analytic_scene_names
 from moire_sim.capture import HeadCapture
@@ -80,8 +80,7 @@ def test_square_fringes(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["plane_600", "small_plate"])
 def test_texture(name: str) -> None:
-    # Not at its aim: away from edges 0.08 % of the small plate's scene are off, at the borders of its dark squares.
-    check(dense_shot(name, texture=0.3), capture(name, texture=0.3), Limits(outliers_away=0.00029), 3.0)
+    check(dense_shot(name, texture=0.3), capture(name, texture=0.3), Limits(), 3.0)
 
 
 def normalised_error(shot: Shot, seen: HeadCapture) -> float:
@@ -121,6 +120,21 @@ def test_confidence_is_calibrated() -> None:
     # Beside thin poles confidence is too good: 0.22 % are off, not 0.05 %.
     assert counts["thin_poles"][1] <= 0.0025 * counts["thin_poles"][0]
     assert all((dense_shot(name).confidence[np.isnan(dense_shot(name).depth_m)] == 0.0).all() for name in counts)
+
+
+def test_depths_of_little_confidence_are_left_unknown() -> None:
+    """They are told apart from what one camera does not see, and all others stay as they are."""
+    seen = capture("stairs")
+    rig, pattern, pair = seen.rig, seen.pattern, (seen.left, seen.right)
+    everything, sure = (
+        Reconstructor(rig, pattern, settings=Settings(min_confidence=least)).reconstruct(*pair) for least in (0.0, 0.5)
+    )
+    doubtful = np.isfinite(everything.depth_m) & (everything.confidence < np.float32(0.5))
+    assert doubtful.sum() > 1000
+    assert (sure.status[doubtful] == Status.AMBIGUOUS).all()
+    np.testing.assert_array_equal(sure.depth_m, np.where(doubtful, np.float32(np.nan), everything.depth_m))
+    np.testing.assert_array_equal(sure.confidence, np.where(doubtful, np.float32(0.0), everything.confidence))
+    np.testing.assert_array_equal(everything.status == Status.OK, np.isfinite(everything.depth_m))
 
 
 def test_orders_are_those_of_the_points() -> None:
