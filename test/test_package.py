@@ -89,7 +89,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     data = [name for name in setup_constant("DATA_FOLDERS") if (ROOT / name).is_dir()]
     for name in ["moire_sensor", "moire_sim", "resource", *data]:
         ignored = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(ROOT / name, folder / "src" / "moire_sensor" / name, ignore=ignored)
+        shutil.copytree(ROOT / name, folder / "src" / "moire_sensor" / name, ignore=ignored, dirs_exist_ok=True)
     for name in ["package.xml", "setup.py", "setup.cfg", "pyproject.toml", "LICENSE"]:
         shutil.copy(ROOT / name, folder / "src" / "moire_sensor" / name)
     for arguments in (["list"], ["build"]):
@@ -109,7 +109,8 @@ def test_colcon_installs_executables_and_resources(workspace: Path) -> None:
     assert (prefix / "share/ament_index/resource_index/packages/moire_sensor").is_file()
     for folder in setup_constant("DATA_FOLDERS"):
         wanted = {path.name for path in (ROOT / folder).glob("*.*")}
-        assert {path.name for path in (prefix / "share" / "moire_sensor" / folder).iterdir()} == wanted
+        installed = (prefix / "share" / "moire_sensor" / folder).iterdir()
+        assert {path.name for path in installed if path.is_file()} == wanted
 
 
 def test_resources_are_found_in_the_colcon_install(workspace: Path) -> None:
