@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from sim_rigs import QUARTER_PROJECTOR, quarter_rig
+from source_scan import ROOT
 
 from moire_sim import HeadOptions, SceneError, VirtualHead, indoor_names, scene_names
 from moire_sim.body_motion import Path as Way
@@ -189,3 +191,11 @@ def test_a_dozen_indoor_scenes_ship() -> None:
     assert set(indoor_names()) < set(scene_names())
     papers = {"flat_board", "board_before_plane", "convex_cylinder", "free_form", "cylinder_and_box"}
     assert papers <= set(scene_names())
+
+
+def test_the_examples_of_the_documentation_are_scenes(tmp_path: Path) -> None:
+    written(tmp_path, to_obj(box((0.0, 0.0, 0.0), (80.0, 80.0, 100.0), 1.0)), "mug.obj")
+    examples = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scene_files.md").read_text(), flags=re.DOTALL)
+    counts = [len(load_scene(str(written(tmp_path, text))).bodies) for text in examples]
+    assert counts == [3, 1]
+    assert load_scene(str(written(tmp_path, examples[1]))).moves
