@@ -152,8 +152,12 @@ class StereoRig:
         x = (columns - self.P_left[0, 2] - self.P_left[0, 1] * y) / self.P_left[0, 0]
         return np.stack([x, y, np.ones_like(x)], axis=-1)
 
-    def points(self, depth_m: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
+    def points(
+        self, depth_m: npt.NDArray[np.floating], out: npt.NDArray[np.float32] | None = None
+    ) -> npt.NDArray[np.float32]:
         """Points of a depth image (H, W) in the left optical frame, (H, W, 3) float32 metres, NaN where unknown.
+
+        They are written into ``out``, (H, W, 3) float32, where it is given.
 
         Raises
         ------
@@ -163,7 +167,7 @@ class StereoRig:
         width, height = self.image_size
         if depth_m.shape != (height, width):
             raise RigError(f"the depth image has shape {depth_m.shape}; this rig needs {(height, width)}")
-        return self._rays32 * np.asarray(depth_m, dtype=np.float32)[..., None]
+        return np.multiply(self._rays32, np.asarray(depth_m, dtype=np.float32)[..., None], out=out)
 
     @cached_property
     def _rays32(self) -> npt.NDArray[np.float32]:

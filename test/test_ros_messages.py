@@ -185,7 +185,7 @@ def test_organised_cloud_is_aligned_with_the_image_and_honest_about_nan() -> Non
     rig = paper_rig()
     depth_m = np.full((480, 640), 1.5, dtype=np.float32)
     grey = np.arange(480 * 640, dtype=np.float32).reshape(480, 640) % 256
-    message = cloud_message(HEADER, organised_cloud(rig.points(depth_m), grey))
+    message, cloud = organised_cloud(HEADER, rig, depth_m, grey)
     assert (message.height, message.width, message.point_step, message.row_step) == (480, 640, 16, 10240)
     assert message.is_dense is True
     assert message.is_bigendian == (sys.byteorder == "big")
@@ -195,8 +195,9 @@ def test_organised_cloud_is_aligned_with_the_image_and_honest_about_nan() -> Non
     assert points[row, column]["x"] == pytest.approx((column - rig.centre_px[0]) * 1.5 / rig.fx_px, rel=1e-6)
     assert points[row, column]["y"] == pytest.approx((row - rig.centre_px[1]) * 1.5 / rig.fy_px, rel=1e-6)
     np.testing.assert_array_equal(points["intensity"], grey)
+    assert message == cloud_message(HEADER, cloud)
     depth_m[3, 5] = np.nan
-    holey = cloud_message(HEADER, organised_cloud(rig.points(depth_m), grey))
+    holey, _ = organised_cloud(HEADER, rig, depth_m, grey)
     assert holey.is_dense is False
     assert all(np.isnan(fields_of(holey)[3, 5][name]) for name in "xyz")
 

@@ -56,9 +56,9 @@ def cloud_messages(
     header: Header, sensor: Reconstructor, shot: Shot, output: OutputSettings, wanted: Collection[str]
 ) -> Iterator[tuple[str, PointCloud2]]:
     """Yield the wanted clouds, which share their points."""
-    cloud = organised_cloud(sensor.rig.points(shot.depth_m), shot.background)
+    message, cloud = organised_cloud(header, sensor.rig, shot.depth_m, shot.background)
     if "points" in wanted:
-        yield "points", cloud_message(header, cloud)
+        yield "points", message
     if "points_nav" in wanted:
         yield "points_nav", cloud_message(header, obstacle_cloud(sensor.rig, cloud, shot, output.nav))
     if "points_nav_clearing" in wanted:
