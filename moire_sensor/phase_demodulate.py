@@ -13,30 +13,40 @@ MOVED = np.uint8(Status.MOVED)
 
 
 @njit(parallel=True, cache=True, **FAST)
-def demodulate(frames, filters, moments, carrier_rad, offset, background, amplitude, squares, cross, along, status):  # type: ignore[no-untyped-def]
-    """Fill all but sigma: squares that the fit leaves over, drift as phasor (along, cross), status if saturated."""
+def demodulate(  # type: ignore[no-untyped-def]
+    frames, filters, moments, bend, carrier_rad, offset, background, amplitude, squares, cross, along, status
+):
+    """Fill all but sigma: squares that the fit leaves over, drift as phasor (along, cross), status if saturated.
+
+    ``bend`` tells what the second harmonic of gamma adds to each residue, per amplitude: it is no noise.
+    """
     for row in prange(frames.shape[1]):
         y = np.int64(row)
         demodulate_row(
-            frames, y, filters, moments, carrier_rad[y], offset[y], background[y], amplitude[y], squares[y], cross[y],
-            along[y], status[y],
+            frames, y, filters, moments, bend, carrier_rad[y], offset[y], background[y], amplitude[y], squares[y],
+            cross[y], along[y], status[y],
         )  # fmt: skip
 
 
 @njit(**FAST)
 def demodulate_row(  # type: ignore[no-untyped-def]
-    frames, y, filters, moments, carrier_rad, offset, background, amplitude, squares, cross, along, status
+    frames, y, filters, moments, bend, carrier_rad, offset, background, amplitude, squares, cross, along, status
 ):
     """One row of :func:`demodulate`."""
-    room = np.empty((4, carrier_rad.size), dtype=np.float32)
-    real, imaginary, before, after = room[0], room[1], room[0:2], room[2:4]
+    room = np.empty((6, carrier_rad.size), dtype=np.float32)
+    real, imaginary, before, after, even, odd = room[0], room[1], room[0:2], room[2:4], room[4], room[5]
     filtered(frames, y, filters[0], background)
     filtered(frames, y, filters[1], real)
     filtered(frames, y, filters[2], imaginary)
     polar(real, imaginary, carrier_rad, offset, amplitude)
+    if bend.any():
+        twice(real, imaginary, amplitude, even, odd)
     squares[:] = 0.0
     for index in range(3 + 2 * moments, filters.shape[0]):
         filtered(frames, y, filters[index], real)
+        share = bend[index - 3 - 2 * moments]
+        if share != 0.0:
+            take_away(even, odd, share.real, share.imag, real)
         add_square(real, squares)
     cross[:] = 0.0
     along[:] = 0.0
@@ -84,6 +94,22 @@ def polar(real, imaginary, carrier_rad, offset, amplitude):  # type: ignore[no-u
         offset[x] = wrap(fast_atan2(imaginary[x], real[x]) - carrier_rad[x])
     for x in range(offset.size):
         amplitude[x] = np.sqrt(real[x] * real[x] + imaginary[x] * imaginary[x])
+
+
+@njit(**FAST)
+def twice(real, imaginary, amplitude, even, odd):  # type: ignore[no-untyped-def]
+    """Amplitude of the fringe times the cosine and sine of twice its phase."""
+    for x in range(even.size):
+        scale = np.float32(1.0) / max(amplitude[x], TINY)
+        even[x] = (real[x] * real[x] - imaginary[x] * imaginary[x]) * scale
+        odd[x] = np.float32(2.0) * real[x] * imaginary[x] * scale
+
+
+@njit(**FAST)
+def take_away(even, odd, along, across, target):  # type: ignore[no-untyped-def]
+    """Take the real part of a complex share of the second harmonic away."""
+    for x in range(target.size):
+        target[x] -= along * even[x] - across * odd[x]
 
 
 @njit(**FAST)

@@ -8,7 +8,7 @@ frames, so the whole is one fixed filter along them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -18,6 +18,7 @@ from moire_sensor.errors import PatternError
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_demodulate import demodulate, judge_steps
 from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_light import common_offsets, second_harmonic
 from moire_sensor.settings import Settings
 
 Array = npt.NDArray[np.float64]
@@ -50,6 +51,23 @@ class StepFilter:
     design: Array
     moments: Array
     residues: Array
+
+    @property
+    def harmonic(self) -> npt.NDArray[np.complex128]:
+        """Residues (n - 3,) of frames that show exp(2 i phase), at phase 0: what gamma adds shows in them."""
+        step = self.design[:, 1] - 1j * self.design[:, 2]
+        return np.asarray(self.residues @ step**2)
+
+    def blind_to(self, offsets: Array) -> StepFilter:
+        """Return filters that do not see frames brighter than the background by shares of it, (n,)."""
+        background = self.weights[0]
+        seen = np.concatenate([np.zeros(1), self.weights[1:] @ offsets])
+        return replace(
+            self,
+            weights=self.weights - seen[:, None] * background,
+            moments=self.moments - (self.moments @ offsets)[..., None] * background,
+            residues=self.residues - (self.residues @ offsets)[:, None] * background,
+        )
 
     @property
     def freedom(self) -> float:
@@ -146,15 +164,19 @@ def phase_from_steps(
     -------
     PhaseImage
         NaN phase where dark (UNLIT), saturated in any frame (SATURATED) or moving too fast (MOVED). ``sigma_rad`` takes
-        what motion leaves over of the fit for noise.
+        what motion leaves over of the fit for noise, but not what a flickering lamp or the projector's gamma do.
     """
     shape = frames.shape[1:]
     planes = np.empty((6, *shape), dtype=np.float32) if buffer is None else buffer
     background, status = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.uint8)
     offset, amplitude, sigma, squares, cross, along = planes
+    offsets = common_offsets(frames, steps.weights[0], 2 * carrier.half_width_px + 1)
+    steps = steps.blind_to(offsets) if offsets.any() else steps
+    share = second_harmonic(frames, steps.weights[1:], steps.residues, steps.harmonic, settings.min_amplitude)
+    bend = (share * steps.harmonic).astype(np.complex64)
     demodulate(
-        frames, steps.rows(), steps.moments.shape[0], carrier.phase_rad, offset, background, amplitude, squares, cross,
-        along, status,
+        frames, steps.rows(), steps.moments.shape[0], bend, carrier.phase_rad, offset, background, amplitude, squares,
+        cross, along, status,
     )  # fmt: skip
     if steps.freedom < MIN_FREEDOM:
         squares[:] = settings.image_noise**2

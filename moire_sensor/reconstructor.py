@@ -16,6 +16,7 @@ from moire_sensor.reference_depth import reference_plane
 from moire_sensor.rig import StereoRig
 from moire_sensor.settings import Settings
 from moire_sensor.shot import Shot
+from moire_sensor.shot_merge import moved_region, taken_from
 
 METHODS = ("dense", "phase_shift", "fringe_edges", "reference_plane")
 DEFAULT_DEPTH_RANGE_M = (0.5, 2.0)
@@ -100,13 +101,22 @@ class Reconstructor:
         if images[0].shape != images[1].shape:
             raise ImageError(f"{len(left)} left frames came with {len(right)} right ones; give as many of each")
         if self.method == "phase_shift":
-            return self._pipeline.from_steps(images[0], images[1], first_step)
+            shot = self._pipeline.from_steps(images[0], images[1], first_step)
+            return self._moved_from_single(shot, images[0], images[1], first_step)
         if self.method == "dense":
             return self._pipeline.from_single(images[0][0], images[1][0], first_step)
         return reference_plane(
             left, self.rig, self.pattern, self.depth_range_m, self.settings.reference_depth_m,
             first_step=first_step, saturation_level=self._saturation_level, settings=self.settings,
         ).shot  # fmt: skip
+
+    def _moved_from_single(self, shot: Shot, left: Float32, right: Float32, first_step: int) -> Shot:
+        """Take from the middle exposure what moved too much between the steps."""
+        region = moved_region(shot, self._pipeline.window_px)
+        if not region.any():
+            return shot
+        middle = len(left) // 2
+        return taken_from(self._pipeline.from_single(left[middle], right[middle], first_step + middle), shot, region)
 
     def _checked(self, name: str, image: Images) -> Float32:
         """Images as float32 (n, H, W), grey levels scaled to 255 at saturation."""

@@ -14,6 +14,7 @@ from moire_sensor.errors import PatternError
 from moire_sensor.paper_rig import PERIOD_PX, paper_rig
 from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_carrier import Carrier
+from moire_sensor.phase_light import common_offsets, second_harmonic
 from moire_sensor.phase_steps import StepFilter, phase_from_steps
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
@@ -95,7 +96,8 @@ def test_more_frames_help_unequal_steps_too() -> None:
 @pytest.mark.parametrize(("count", "more"), [(3, 0), (3, 2), (4, 0), (4, 1), (5, 2), (8, 1)])
 def test_images_give_their_phase_and_the_noise_in_it(carrier: Carrier, count: int, more: int) -> None:
     rng = np.random.default_rng(count)
-    offset = rng.uniform(-np.pi, np.pi, SHAPE)
+    # All phases everywhere, but smooth along the rows: nothing that a lamp could be taken for.
+    offset = np.pi * np.sin(np.arange(SHAPE[1]) / 25.0 + rng.uniform(-np.pi, np.pi, (SHAPE[0], 1)))
     noise = 2.0
     frames = frames_of(carrier.phase_rad.astype(np.float64) + offset, equal(count), 2, count + more)
     noisy = (frames + rng.normal(0.0, noise, frames.shape)).astype(np.float32)
@@ -149,7 +151,9 @@ def test_the_kernels_are_the_filters(carrier: Carrier, count: int) -> None:
     frames = np.random.default_rng(count).uniform(0.0, 250.0, (count, *SHAPE)).astype(np.float32)
     steps = StepFilter.build(equal(3), 0, count)
     found = phase_from_steps(frames, carrier, steps, Settings(max_motion_rad=3.0))
-    background, real, imaginary = np.tensordot(steps.weights, frames.astype(np.float64), axes=1)
+    # So much noise looks like some flicker, even in the mean over an image.
+    blind = steps.blind_to(common_offsets(frames, steps.weights[0], 2 * carrier.half_width_px + 1))
+    background, real, imaginary = np.tensordot(blind.weights, frames.astype(np.float64), axes=1)
     # float32 sums of up to eleven numbers of 250
     np.testing.assert_allclose(found.background, background, atol=1e-3)
     np.testing.assert_allclose(found.amplitude, np.hypot(real, imaginary), atol=1e-3)
@@ -158,6 +162,35 @@ def test_the_kernels_are_the_filters(carrier: Carrier, count: int) -> None:
     assert seen.sum() > 1000
     assert np.abs(off[seen]).max() < 2e-4
     np.testing.assert_array_equal(found.status == Status.UNLIT, found.amplitude <= SETTINGS.min_amplitude)
+
+
+@pytest.mark.parametrize("count", [4, 5])
+def test_flicker_and_gamma_are_taken_away_and_nothing_else(carrier: Carrier, count: int) -> None:
+    rng = np.random.default_rng(9)
+    phase = carrier.phase_rad.astype(np.float64) + 0.8
+    frames = frames_of(phase, equal(4), 1, count)
+    steps = np.array([equal(4)[(1 + frame) % 4] for frame in range(count)])[:, None, None]
+    frames += 9.0 * np.cos(2.0 * (phase + steps)) + rng.normal(0.0, 1.5, frames.shape)
+    lamp = 0.2 * np.sin(1.0 + 2.1 * np.arange(count))
+    flickering = (frames + 120.0 * lamp[:, None, None]).astype(np.float32)
+    filters = StepFilter.build(equal(4), 1, count)
+    found = phase_from_steps(flickering, carrier, filters, SETTINGS)
+    error = np.angle(np.exp(1j * (found.offset_rad[:, 20:-20] - 0.8)))
+    # 1.5 of noise on 60 of amplitude; 6400 pixels.
+    sigma = 1.5 / 60.0 * np.sqrt(0.5 * (filters.weights[1:] ** 2).sum())
+    assert error.std() == pytest.approx(sigma, rel=0.1)
+    assert float(np.sqrt(np.mean(found.sigma_rad**2))) == pytest.approx(sigma, rel=0.1)
+    # A hundredth of what the lamp would do: a share of 0.2 of 120 grey levels on fringes of 60.
+    assert abs(error.mean()) < 0.004
+
+
+def test_steady_light_and_linear_fringes_are_left_alone(carrier: Carrier) -> None:
+    rng = np.random.default_rng(10)
+    steps = StepFilter.build(equal(4), 0, 5)
+    frames = frames_of(carrier.phase_rad + 0.3, equal(4), 0, 5) + rng.normal(0.0, 1.5, (5, *SHAPE))
+    assert not common_offsets(frames.astype(np.float32), steps.weights[0], 2 * carrier.half_width_px + 1).any()
+    share = second_harmonic(frames.astype(np.float32), steps.weights[1:], steps.residues, steps.harmonic, 6.0)
+    assert share == 0.0
 
 
 def test_buffer_is_used_again(carrier: Carrier) -> None:
@@ -184,7 +217,7 @@ def test_noise_of_perfect_frames_beside_bad_ones_is_never_nan(carrier: Carrier) 
 
 
 def test_three_frames_take_the_noise_that_was_set(carrier: Carrier) -> None:
-    frames = frames_of(np.ones(SHAPE), equal(3), 0, 3)
+    frames = frames_of(carrier.phase_rad + 1.0, equal(3), 0, 3)
     noise = frame_noise(frames, carrier, StepFilter.build(equal(3), 0, 3), Settings(image_noise=2.5))
     np.testing.assert_allclose(noise, 2.5, rtol=1e-5)
 
