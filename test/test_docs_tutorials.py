@@ -19,9 +19,9 @@ def test_the_comparison_with_the_truth_is_as_good_as_the_page_says(capsys: pytes
     program: dict[str, Any] = {}
     exec(code, program)
     complete, error_mm = map(float, re.findall(r"(\d+\.\d+) (?:%|mm)", capsys.readouterr().out))
-    promised, promised_mm = map(float, re.findall(r"prints (\d+\.\d+) % and (\d+\.\d+) mm", PAGE)[0])
+    promised, promised_mm = map(float, re.findall(r"prints about (\d+) % and (\d+\.\d+) mm", PAGE)[0])
     # Half of the last digit that the page gives.
-    assert complete >= promised - 0.05
+    assert complete >= promised - 0.5
     assert error_mm <= promised_mm + 0.005
 
 
