@@ -23,6 +23,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image, JointState
@@ -192,6 +193,9 @@ def main() -> int:
             state = soak(options, node, Path(folder))
     except DemoError as error:
         print(f"soak: {error}", file=sys.stderr)
+        return 1
+    except (KeyboardInterrupt, ExternalShutdownException):
+        print("soak: interrupted, no verdict", file=sys.stderr)
         return 1
     finally:
         rclpy.try_shutdown()
