@@ -12,12 +12,13 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
-# Rows that are looked at, spread over the image.
+# Rows that are looked at, spread over the image, and columns of them.
 ROWS = 30
+EVERY_COLUMN = 3
 # Share of a pixel's light by which a frame must be brighter than the others, and of the fringe that must be harmonic.
 LEAST_OFFSET, LEAST_HARMONIC = 0.01, 0.004
 # Pixels darker than this, grey levels of 255, tell nothing; fewer than so many pixels tell too little.
-DARK, FEWEST = 10.0, 500
+DARK, FEWEST = 10.0, 150
 
 
 def some_rows(frames: Float32) -> Float32:
@@ -43,7 +44,7 @@ def common_offsets(frames: Float32, background: Array, width_px: int) -> Array:
     for frame in rows:
         for _ in range(2):
             cv2.blur(frame, (width_px, 1), dst=frame)
-    inner = rows[:, :, width_px : rows.shape[2] - width_px]
+    inner = rows[:, :, width_px : rows.shape[2] - width_px : EVERY_COLUMN]
     mean = np.tensordot(background.astype(np.float32), inner, axes=1)
     lit = mean > DARK
     if np.count_nonzero(lit) < FEWEST:
@@ -65,7 +66,7 @@ def second_harmonic(
     residues_of_harmonic : (r,), the same of frames that show exp(2 i phase), at phase 0.
     least : smallest amplitude of a lit pixel.
     """
-    rows = some_rows(frames).reshape(len(frames), -1)
+    rows = some_rows(frames)[:, :, ::EVERY_COLUMN].reshape(len(frames), -1)
     real, imaginary = fringe.astype(np.float32) @ rows
     amplitude = np.hypot(real, imaginary)
     lit = amplitude > least
