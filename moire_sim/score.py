@@ -37,7 +37,7 @@ class Score:
 
     Attributes
     ----------
-    completeness : share of the co-visible pixels that have a depth.
+    completeness, completeness_away : share of the co-visible pixels that have a depth; of those away from edges.
     outlier_share : of the co-visible pixels with a depth, the share off by more than 1 px.
     median_error_mm : median absolute depth error scaled to 1 m, of the co-visible pixels with a depth.
     median_error_mm_away, median_error_mm_near : the same away from edges and near them.
@@ -55,6 +55,7 @@ class Score:
     outlier_share_near: float
     ghost_share: float
     covisible_share: float
+    completeness_away: float = float("nan")
 
 
 def score(shot: HasDepth, capture: HeadCapture) -> Score:
@@ -91,6 +92,7 @@ def score_depth(depth_m: npt.NDArray[np.floating], capture: HeadCapture) -> Scor
         outlier_share_near=share(off_px > OUTLIER_PX, judged & near),
         ghost_share=float(ghosts.mean()),
         covisible_share=float(capture.covisible.mean()),
+        completeness_away=share(known, capture.covisible & ~near),
     )
 
 

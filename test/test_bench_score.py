@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from moire_sim.analytic_scenes import AnalyticScene
+from moire_sim.analytic_scenes import AnalyticScene, scene_surfaces
 from moire_sim.analytic_surfaces import Box, Relief
 from moire_sim.capture import HeadCapture
 from moire_sim.score import near_edges
-from tools.bench.accuracy import Record, record, truth_of
+from tools.bench.accuracy import Record, part_record, record, truth_of
 from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION
 from tools.bench.figures import FIGURES, condition_rows, not_ahead, scene_rows, score_table
 from tools.bench.makers import (
@@ -45,8 +45,8 @@ def values(truth: HeadCapture, depth: np.ndarray) -> dict[str, float]:
 
 def test_the_truth_is_perfect_where_it_can_be_seen(truth: HeadCapture) -> None:
     found = values(truth, np.where(truth.covisible, truth.depth_m, np.nan))
-    assert found["completeness"] == 1.0
-    assert all(found[name] == 0.0 for name in found if name != "completeness")
+    assert found["completeness"] == found["completeness_away"] == 1.0
+    assert all(found[name] == 0.0 for name in found if not name.startswith("completeness"))
 
 
 def test_a_known_error_missing_pixels_and_ghosts_are_counted_as_such(truth: HeadCapture) -> None:
@@ -70,6 +70,18 @@ def test_wrong_only_beside_edges_is_told_apart(truth: HeadCapture) -> None:
     found = values(truth, depth)
     assert found["outlier_share_away"] == 0.0
     assert found["outlier_share_near"] == 1.0
+
+
+def test_poles_are_scored_alone_and_left_out_of_the_means() -> None:
+    poles = truth_of(AnalyticScene.of(scene_surfaces("thin_poles")))
+    depth = np.where(poles.covisible & (poles.depth_m > 1.3), poles.depth_m, np.nan).astype(np.float32)
+    whole = record("thin_poles", DEFAULT, "known", depth, poles)
+    alone = part_record("thin_poles", "known", depth, poles)
+    assert whole.score.completeness > 0.5
+    assert alone.score.completeness == 0.0
+    assert [row.values[0] for row in scene_rows([whole, alone])] == [whole.score.completeness, 0.0]
+    (mean,) = condition_rows([whole, alone])
+    assert mean.values[0] == whole.score.completeness
 
 
 def test_known_dimensions_come_back(truth: HeadCapture) -> None:
@@ -108,7 +120,7 @@ def test_means_over_scenes_and_the_list_of_defeats(truth: HeadCapture) -> None:
     own_share = truth.covisible[:240].sum() / truth.covisible.sum()
     assert by_method["dense"] == pytest.approx((own_share + 1.0) / 2.0)
     table = not_ahead("", "", "scene", scene_rows(records), ["peer"])
-    assert [row[:2] for row in table.rows] == [("one", "complete %")]
+    assert [row[:2] for row in table.rows] == [("one", "complete %"), ("one", "complete away %")]
     assert table.rows[0][2].endswith(" *")
     assert table.rows[0][3:] == ("100.00", "100.00", "peer")
     text = score_table("title", "note", "scene", scene_rows(records)).as_markdown()

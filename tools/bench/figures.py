@@ -19,6 +19,7 @@ from tools.bench.tables import Table, number, percent
 # (field of Score, heading, larger is better, what counts as equal)
 FIGURES = (
     ("completeness", "complete %", True, 5e-4),
+    ("completeness_away", "complete away %", True, 5e-4),
     ("outlier_share", "off > 1 px %", False, 5e-4),
     ("outlier_share_away", "away from edges %", False, 5e-4),
     ("outlier_share_near", "near edges %", False, 5e-4),
@@ -48,9 +49,11 @@ def scene_rows(records: Sequence[Record]) -> list[Row]:
 
 
 def condition_rows(records: Sequence[Record]) -> list[Row]:
-    """Return one row a condition and method: means over the scenes, and the median of their medians."""
+    """Return one row a condition and method: means over the whole scenes, and the median of their medians."""
     groups: dict[tuple[str, str], list[Record]] = {}
     for one in records:
+        if one.part_of_scene:
+            continue
         groups.setdefault((one.condition, one.method), []).append(one)
     rows = []
     for (condition, method), group in groups.items():

@@ -43,7 +43,8 @@ that the peers answer everywhere. Their disparities are multiples of 1/16 px: wh
 (boards and plates that face the head) their median error is the rounding of that number, small or large by chance.
 OpenCV's own fringe patterns (structured_light) are not in the OpenCV package that this project uses: not compared.
 
-How to read the figures. Complete: share of the pixels lit and seen by both cameras that have a depth. Off: share of
+How to read the figures. Complete: share of the pixels lit and seen by both cameras that have a depth, and of those
+away from edges; "poles alone": of the pixels that show a pole. Off: share of
 these depths off by more than 1 px of disparity; "near edges" is up to 10 px from a jump of depth or a border of light.
 Median: median depth error scaled to 1 m by the square of the depth. Ghosts: share of all pixels that have a depth
 where none is to be had, off by more than 3 px.
