@@ -37,9 +37,11 @@ BAD = {
         ("-p", "scene:=flat_board:size=3"): "distance_m",
         ("-p", "rate_hz:=-1"): "a number from 0",
         ("-p", "waveform:=saw"): "allowed are sine, square",
-        ("-p", "bits:=12"): "allowed are 8 and 16",
+        ("-p", "bits:=10"): "allowed are 8, 12 and 16",
         ("-p", "qos_overrides./head/left/image_raw.publisher.history:=3"): "keep_last, keep_all",
         ("-p", "pan_rad:=3.0"): "head_pan_joint",
+        ("-p", "optics:=dirty"): "allowed are clean, realistic",
+        ("-p", "scene:=none.yaml"): "cannot be read: No such file",
     },
     "moire_demo": {
         ("-p", "scene:=moon"): "flat_board",

@@ -20,7 +20,7 @@ DEPTH, TRUTH, STATE, INFO, BASE = (
     "depth/image_rect", "ground_truth/depth", "projector/state", "left/camera_info", "base_pose",
 )  # fmt: skip
 # Coarse samples are quicker; everything else is the preset's.
-HEAD = (f"scene:=flat_board:distance_m={DISTANCE_M}", "rate_hz:=2", "optics:=realistic", "supersampling:=1")
+HEAD = (f"scene:=flat_board:distance_m={DISTANCE_M}", "rate_hz:=5", "optics:=realistic", "supersampling:=1")
 
 
 def period_of(message: JointState) -> float:
