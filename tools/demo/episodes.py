@@ -152,7 +152,7 @@ def frame_of(left: npt.NDArray[Any], depth_m: npt.NDArray[Any], far_m: float) ->
     grey = np.repeat(left[::STRIDE, ::STRIDE, None], 3, axis=2)
     depth_m = depth_m[::STRIDE, ::STRIDE]
     near = np.clip((far_m - np.nan_to_num(depth_m, nan=far_m)) / (far_m - NEAR_M), 0.0, 1.0)
-    colour = (mpl.colormaps["turbo"](near)[..., :3] * 255.0).astype(np.uint8)
+    colour = (mpl.colormaps["viridis"](near)[..., :3] * 255.0).astype(np.uint8)
     colour[~np.isfinite(depth_m)] = 90
     return np.concatenate([grey.astype(np.uint8), colour], axis=1)
 
