@@ -79,7 +79,7 @@ def room_for_work(left: EdgeRows, right: EdgeRows) -> Work:
         return np.empty((LANES, *shape, SIDE_BY_SIDE), dtype=np.int64)
 
     return Work(
-        reals(most), reals(most), reals(most), reals(most), paths(), paths(), paths(most), paths(most, most + 1),
+        reals(most), reals(most), reals(most), reals(most), paths(), paths(), paths(most), paths(most + 1, most + 1),
         paths(most + 1), paths(), paths(), np.empty((LANES, SIDE_BY_SIDE, 2 * most // BIN_PX + 1), dtype=np.int64),
     )  # fmt: skip
 

@@ -42,7 +42,7 @@ class Work(NamedTuple):
     left_x, left_side : (lanes, E, 8), left edges; right_x, right_side : (lanes, E, 8), right ones. NaN behind the last.
     last_left, last_right : (lanes, 8), number of the last edge, -1 for none.
     unlike : (lanes, E, 8), what a match of i with the right edge at hand adds to J.
-    path : (lanes, E, E + 1, 8), best path whose last match is that of j and i - 1: its J, and the match before.
+    path : (lanes, E + 1, E + 1, 8), best path whose last match is that of j - 1 and i - 1: its J, and the match before.
     skipped : (lanes, E + 1, 8), best path whose last match is that of i - 1 with a right edge before the last one.
     run : (lanes, 8), best path whose last match is that of the last right edge with a left one before i - 1.
     whole : (lanes, 8), best path so far, with what follows it.
@@ -181,7 +181,9 @@ def fill_tables(left, right, candidates, rules, first, every_row, n, m, work, la
                     left_x, left_side, left_height, right_side, right_height, first + k * every_row, j, candidates,
                     rules, bins, k, last_left[k] + 1, low, high, unlike,
                 )  # fmt: skip
+        forget_others(path[j], low, high, low_before, high_before)
         fill_paths(j, low, high, low_before, high_before, in_units(rules.lambda_oc), unlike, path, skipped, run)
+        keep_skipped(j, low_before, high_before, path, skipped)
         end_paths(j, low, high, last_left, last_right, in_units(rules.lambda_oc), path, whole)
         low_before, high_before = low, high
 
@@ -254,32 +256,40 @@ def confirm(  # type: ignore[no-untyped-def]
 @njit
 def fill_paths(j, low, high, low_before, high_before, lambda_oc, unlike, path, skipped, run):  # type: ignore[no-untyped-def]
     """Match right edge j with the left edges ``low`` to ``high``, each after the path before it that costs least."""
-    stride = path.shape[1] - 1
-    for i in range(low, high):
-        if j > 0 and not low_before < i <= high_before:
-            path[j - 1, i] = ENDLESS
-    run[:] = ENDLESS
+    stride, now = path.shape[1] - 1, j + 1
+    for k in range(SIDE_BY_SIDE):
+        run[k] = ENDLESS
     behind = low_before
     for i in range(low, high):
         while behind < min(i - 1, high_before):
-            add_path(path[j - 1, behind + 1], behind + (j - 1) * stride + 1, run)
             behind += 1
-        start, diagonal = lambda_oc * ((i > 0) + (j > 0)), np.int64(i + (j - 1) * stride)
-        before, now = path[max(j - 1, 0), i], path[j, i + 1]
-        direct = j > 0 and i > 0
+            place = np.int64(behind + (j - 1) * stride)
+            for k in range(SIDE_BY_SIDE):
+                run[k] = min(run[k], (path[j, behind, k] & COST) | place)
+        # Before the first right edge there is no match, and no place.
+        start, diagonal = lambda_oc * ((i > 0) + (j > 0)), np.int64(max(i + (j - 1) * stride, 0))
         for k in range(SIDE_BY_SIDE):
             past = min(min(skipped[i, k], run[k]) + lambda_oc, start)
-            match = (before[k] & COST) | diagonal if direct else ENDLESS
-            now[k] = min(past, match) + unlike[i, k]
-    for i in range(low_before, high_before):
-        add_path(path[j - 1, i + 1], i + (j - 1) * stride + 1, skipped[i + 1])
+            path[now, i + 1, k] = min(past, (path[j, i, k] & COST) | diagonal) + unlike[i, k]
 
 
 @njit
-def add_path(path, place, best):  # type: ignore[no-untyped-def]
-    """Keep the better of the best paths and those that end by the match at a place."""
-    for k in range(SIDE_BY_SIDE):
-        best[k] = min(best[k], (path[k] & COST) | place)
+def forget_others(path, low, high, low_before, high_before):  # type: ignore[no-untyped-def]
+    """No path ends by a match of the edge before with a left edge outside its own depth range."""
+    for i in range(low, high):
+        if not low_before < i <= high_before:
+            for k in range(SIDE_BY_SIDE):
+                path[i, k] = ENDLESS
+
+
+@njit
+def keep_skipped(j, low_before, high_before, path, skipped):  # type: ignore[no-untyped-def]
+    """Right edges behind the next may follow the matches of the edge before j over a run of unmatched ones."""
+    stride = path.shape[1] - 1
+    for i in range(low_before + 1, high_before + 1):
+        place = np.int64(i + (j - 1) * stride)
+        for k in range(SIDE_BY_SIDE):
+            skipped[i, k] = min(skipped[i, k], (path[j, i, k] & COST) | place)
 
 
 @njit
@@ -287,10 +297,10 @@ def end_paths(j, low, high, last_left, last_right, lambda_oc, path, whole):  # t
     """Keep the best whole path; after the last match both images may run."""
     stride = path.shape[1] - 1
     for i in range(low, high):
-        now, place = path[j, i + 1], np.int64(i + j * stride + 1)
+        place = np.int64(i + j * stride + 1)
         for k in range(SIDE_BY_SIDE):
             rest = lambda_oc * (np.int64(i < last_left[k]) + np.int64(j < last_right[k]))
-            whole[k] = min(whole[k], ((now[k] & COST) + rest) | place)
+            whole[k] = min(whole[k], ((path[j + 1, i + 1, k] & COST) + rest) | place)
 
 
 @njit
@@ -309,4 +319,4 @@ def trace_back(left, right, y, k, candidates, rules, path, end, partner, candida
                 distance = abs(candidates[y, j, number] - left_x[i])
                 if distance <= least:
                     partner[y, i], candidate[y, i], least = j, number, distance
-        end = path[j, i + 1, k] & ~COST
+        end = path[j + 1, i + 1, k] & ~COST

@@ -88,12 +88,12 @@ def test_matches_are_those_of_an_exhaustive_search(lambda_off: float) -> None:
     """Rows of up to five edges, of different numbers, as the kernel takes eight rows at a time."""
     generator = np.random.default_rng(5)
     settings = EdgeSettings(lambda_oc=0.9, lambda_off=lambda_off)
-    lefts = [random_edges(generator, 95.0, 150.0, int(generator.integers(0, 6))) for _ in range(90)]
-    rights = [random_edges(generator, 0.0, 50.0, int(generator.integers(0, 6))) for _ in range(90)]
-    # One candidate lies beside a left edge, most within the tolerance, the other anywhere.
+    lefts = [random_edges(generator, 95.0, 150.0, int(generator.integers(0, 6))) for _ in range(150)]
+    rights = [random_edges(generator, 0.0, 50.0, int(generator.integers(0, 6))) for _ in range(150)]
+    # Two candidates lie beside left edges, most within the tolerance.
     columns = [
-        [[float(generator.choice([x for x, _ in left] or [150.0]) + generator.normal(0, 0.8)),
-          float(generator.uniform(95, 150))] for _ in right]
+        [[float(generator.choice([x for x, _ in left] or [150.0]) + generator.normal(0, 0.8)) for _ in range(2)]
+         for _ in right]
         for left, right in zip(lefts, rights, strict=True)
     ]  # fmt: skip
     match = matched(edge_rows(lefts), edge_rows(rights), candidates_at(columns), settings)
