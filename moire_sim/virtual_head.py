@@ -88,7 +88,7 @@ class VirtualHead:
         self._renderer.go_to(self._moment)
         self._base_at_start = self._renderer.world_from_base
         self._real: RealPictures | None = None
-        if not self.options.optics.is_ideal:
+        if not self.options.optics.is_ideal or any(body.finish is not None for body in stage.bodies):
             self._real = self._real_pictures(RealLook(
                 self._renderer, self.rig, self._views, self.options.optics, stage.bodies
             ))

@@ -13,6 +13,10 @@ from ros_head import Listener, pixels, running, stamp_of
 from ros_process import TIMEOUT_S, ros_node
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
+from moire_sensor.pattern import FringePattern
+from moire_sensor.ros.frame_ring import Frame, FrameRing
+from moire_sensor.ros.projector_state import state_of_exposure
+from moire_sim.fringe_programme import FringeProgramme
 from moire_sim.optics import REAL
 
 DISTANCE_M = 0.8
@@ -71,6 +75,21 @@ def test_depth_is_right_through_bent_lenses_and_follows_every_change_of_pitch() 
         assert np.isfinite(depth_m).mean() > 0.7
         # What the lens bends is far more than this: 5 px in the corners, 40 mm.
         assert np.nanmedian(np.abs(depth_m - DISTANCE_M)) < 5e-4
+
+
+def test_two_pitches_of_phase_steps_give_a_result_each() -> None:
+    """Each pitch stays for the five exposures that a result of four steps needs; none of them mixes both."""
+    patterns = [FringePattern(period_px).with_equal_steps(4) for period_px in (16.0, 21.0)]
+    programme, ring = FringeProgramme(patterns), FrameRing[None]()
+    results = []
+    for index in range(20):
+        pattern, step = programme.next()
+        whole = ring.add(Frame(1 + index, state_of_exposure(pattern, step), None))
+        if whole:
+            results.append({frame.state.fringe_period_px for frame in whole})
+    assert results == [{16.0}, {21.0}, {16.0}, {21.0}]
+    programme.change(patterns[1:])
+    assert [programme.next() for _ in range(5)] == [(patterns[1], step) for step in (0, 1, 2, 3, 0)]
 
 
 def test_the_truth_and_the_pose_of_a_driving_head_belong_to_the_exposure() -> None:

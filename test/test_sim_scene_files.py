@@ -11,7 +11,7 @@ import pytest
 from sim_rigs import QUARTER_PROJECTOR, quarter_rig
 from source_scan import ROOT
 
-from moire_sim import HeadOptions, SceneError, VirtualHead, indoor_names, scene_names
+from moire_sim import HeadOptions, Light, SceneError, VirtualHead, indoor_names, scene_names
 from moire_sim.body_motion import Path as Way
 from moire_sim.body_motion import Swing
 from moire_sim.meshes import Body, board, box, to_obj
@@ -199,3 +199,15 @@ def test_the_examples_of_the_documentation_are_scenes(tmp_path: Path) -> None:
     counts = [len(load_scene(str(written(tmp_path, text))).bodies) for text in examples]
     assert counts == [3, 1]
     assert load_scene(str(written(tmp_path, examples[1]))).moves
+
+
+def test_a_finish_shows_without_real_optics(tmp_path: Path) -> None:
+    """Checks of 5 cm at 1 m are 16 columns wide here, and as dark as their contrast says."""
+    finish = "finish: {texture: checker, contrast: 0.5, cell_m: 0.05}"
+    text = f"format: 1\nbodies:\n- {{board: {{z_m: 1.0, half_size_m: [1, 1]}}, albedo: 1.0, {finish}}}\n"
+    options = HeadOptions(light=Light(blur_px=0.0), noise=0.0, projector_size=QUARTER_PROJECTOR)
+    with VirtualHead(str(written(tmp_path, text)), rig=quarter_rig(), options=options) as head:
+        left, _ = head.ambient()
+    assert np.unique(left).tolist() == [10, 20]
+    edges = np.flatnonzero(np.diff(left[60].astype(int)))
+    np.testing.assert_allclose(np.diff(edges), 312.47 * 0.05, atol=1.0)
