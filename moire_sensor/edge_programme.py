@@ -63,38 +63,11 @@ class Work(NamedTuple):
     bins: Int64
 
 
-class Line(NamedTuple):
-    """Fringe edges of one row."""
-
-    x_px: Float32
-    side: npt.NDArray[np.int8]
-    height: Float32
-
-
-@njit
-def line_of(edges, y):  # type: ignore[no-untyped-def]
-    """Edges of row y."""
-    number = edges.number[y]
-    return Line(edges.x_px[y, :number], edges.side[y, :number], edges.height[y, :number])
-
-
 @njit(inline="always")
 def alike(left_side, left_height, right_side, right_height, rules):  # type: ignore[no-untyped-def]
     """Whether two edges are of the same side and about the same height."""
     higher, lower = max(left_height, right_height), min(left_height, right_height)
     return left_side == right_side and higher <= rules.same_height * lower
-
-
-@njit
-def confirmed_candidate(left, i, right, j, candidates, rules):  # type: ignore[no-untyped-def]
-    """Number of the candidate of right edge j that left edge i confirms, -1 for none, and how far off it is, 0 to 1."""
-    chosen, least = -1, rules.same_side_px
-    if alike(left.side[i], left.height[i], right.side[j], right.height[j], rules):
-        for number in range(candidates.size):
-            distance = abs(candidates[number] - left.x_px[i])
-            if distance <= least:
-                chosen, least = number, distance
-    return chosen, least / rules.same_side_px
 
 
 @njit

@@ -9,7 +9,7 @@ from numba import njit, prange
 from moire_sensor.edge_candidates import Candidates
 from moire_sensor.edge_find import EdgeRows
 from moire_sensor.edge_match import EdgeMatch, Rules
-from moire_sensor.edge_programme import confirmed_candidate, line_of
+from moire_sensor.edge_programme import alike
 from moire_sensor.edge_settings import EdgeSettings
 
 
@@ -34,36 +34,49 @@ def in_company(
     return keep
 
 
-@njit
-def nearest_edge(x_px, side, line, within_px):  # type: ignore[no-untyped-def]
-    """Number of the edge of a row that is nearest to column ``x_px`` and of a side, -1 when none is ``within_px``."""
-    nearest = -1
-    least = within_px
-    for number in range(line.x_px.size):
-        distance = abs(line.x_px[number] - x_px)
-        if line.side[number] == side and distance <= least:
+@njit(inline="always")
+def nearest_edge(x_px, side, columns, sides, count, first, within_px):  # type: ignore[no-untyped-def]
+    """Number of the edge of a row that is nearest to column ``x_px`` and of a side, -1 when none is ``within_px``.
+
+    Edges before ``first`` are too far left; the second result is the same for the next column.
+    """
+    while first < count and columns[first] < x_px - within_px:
+        first += 1
+    nearest, least, number = -1, within_px, first
+    while number < count and columns[number] <= x_px + within_px:
+        distance = abs(columns[number] - x_px)
+        if sides[number] == side and distance <= least:
             nearest, least = number, distance
-    return nearest
+        number += 1
+    return nearest, first
 
 
 @njit
 def follow_row(y, source, left, right, candidates, rules, follow_px, match):  # type: ignore[no-untyped-def]
     """Take over in row y the correspondences of row ``source``."""
-    line_l, line_r = line_of(left, y), line_of(right, y)
+    left_x, left_side, left_height = left.x_px[y], left.side[y], left.height[y]
+    right_x, right_side, right_height = right.x_px[y], right.side[y], right.height[y]
+    old_left, old_right, sides = left.x_px[source], right.x_px[source], left.side[source]
+    old_partner, old_candidate = match.partner[source], match.candidate[source]
+    partner, candidate = match.partner[y], match.candidate[y]
+    columns, half_order = candidates.left_x_px[y], candidates.half_order[y]
+    old_half_order = candidates.half_order[source]
+    count_l, count_r = left.number[y], right.number[y]
+    first_l = first_r = 0
     for number in range(left.number[source]):
-        old = match.partner[source, number]
+        old = old_partner[number]
         if old < 0:
             continue
-        side = left.side[source, number]
-        i = nearest_edge(left.x_px[source, number], side, line_l, follow_px)
-        j = nearest_edge(right.x_px[source, old], side, line_r, follow_px)
-        if i < 0 or j < 0 or not rules.farthest <= line_l.x_px[i] - line_r.x_px[j] <= rules.nearest:
+        i, first_l = nearest_edge(old_left[number], sides[number], left_x, left_side, count_l, first_l, follow_px)
+        j, first_r = nearest_edge(old_right[old], sides[number], right_x, right_side, count_r, first_r, follow_px)
+        if i < 0 or j < 0 or not rules.farthest <= left_x[i] - right_x[j] <= rules.nearest:
             continue
-        confirmed, _ = confirmed_candidate(line_l, i, line_r, j, candidates.left_x_px[y, j], rules)
-        fringe = candidates.half_order[source, old, match.candidate[source, number]]
-        if confirmed >= 0 and candidates.half_order[y, j, confirmed] == fringe:
-            match.partner[y, i] = j
-            match.candidate[y, i] = confirmed
+        if alike(left_side[i], left_height[i], right_side[j], right_height[j], rules):
+            fringe = old_half_order[old, old_candidate[number]]
+            for confirmed in range(columns.shape[1]):
+                near = abs(columns[j, confirmed] - left_x[i]) <= rules.same_side_px
+                if near and half_order[j, confirmed] == fringe:
+                    partner[i], candidate[i] = j, confirmed
 
 
 @njit(parallel=True, cache=True)
