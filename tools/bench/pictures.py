@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,11 +9,11 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
-from PIL import Image
 
 from tools.bench.accuracy import Record
 from tools.bench.conditions import DEFAULT
 from tools.bench.speed import SpeedRecord
+from tools.small_png import save
 
 # Disparity error in pixels: up to 0.05 it is noise of the best, beyond 1 it is wrong.
 LEVELS_PX = (-1.0, -0.3, -0.1, -0.05, 0.05, 0.1, 0.3, 1.0)
@@ -69,13 +68,3 @@ def draw_speed(records: Sequence[SpeedRecord], path: Path) -> None:
     axes[0].set_ylabel("time of one pair (ms)")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", fontsize=7)
     save(figure, path)
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a small PNG: 128 colours are plenty for these pictures."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=80, format="png")
-    buffer.seek(0)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with Image.open(buffer) as picture:
-        picture.convert("RGB").quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)

@@ -12,7 +12,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from moire_sim.scenes import scene_names
-from tools.bench.pictures import LEVELS_PX, STRIDE, UNKNOWN_COLOUR, save
+from tools.bench.pictures import LEVELS_PX, STRIDE, UNKNOWN_COLOUR
 from tools.bench.realism import (
     ALLOWED_RATIO,
     FLAW_SCENE,
@@ -33,6 +33,7 @@ from tools.bench.validation import (
     agreements,
     noise_figures,
 )
+from tools.small_png import save
 
 # In pictures: near and far, round, moving, in a room.
 SHOWN_SCENES = ("cylinder_and_box", "room", "kitchen_counter", "person_crossing", "corridor_drive")

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from tools.docs.stages import Stages
-from tools.figures.drawing import DEPTH_MAP, ERROR_MAP, ORANGE, draw_panel, save
+from tools.figures.drawing import DEPTH_MAP, ERROR_MAP, ORANGE, draw_panel
+from tools.small_png import save
 
 ERROR_LIMIT_MM = 2.0
 FULL_COST = 1.0

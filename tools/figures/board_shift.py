@@ -15,9 +15,10 @@ from moire_sensor.rig import StereoRig
 from moire_sim import VirtualHead
 from moire_sim.capture import Grey
 from tools.bench.tables import Table
-from tools.figures.drawing import BLUE, GREY, ORANGE, save
+from tools.figures.drawing import BLUE, GREY, ORANGE
 from tools.figures.page import Claim, Experiment
 from tools.figures.stage import RIGHT_BASE_M, TURN, mean_phase_rad, plane_phase_rad, rig_focal_px, rig_of_rows, shift_px
+from tools.small_png import save
 
 START_M = 1.0
 DISTANCES_M = tuple(round(1.0 - 0.05 * step, 2) for step in range(9))

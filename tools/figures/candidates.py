@@ -17,9 +17,10 @@ from moire_sensor.reference_ray import disparity_on_ray_px, phase_seen_rad
 from moire_sensor.rig import StereoRig
 from moire_sim import VirtualHead
 from tools.bench.tables import Table
-from tools.figures.drawing import BLUE, GREEN, GREY, ORANGE, save
+from tools.figures.drawing import BLUE, GREEN, GREY, ORANGE
 from tools.figures.page import Claim, Experiment
 from tools.figures.stage import TURN, Array, middle_row, plane_phase_rad, rig_of_rows
+from tools.small_png import save
 
 BOARD_M = 1.0
 DEPTH_RANGE_M = (0.5, 2.0)

@@ -17,9 +17,10 @@ from moire_sim.analytic_view import sample
 from moire_sim.capture import Grey
 from moire_sim.fringe_image import Light
 from tools.bench.tables import Table
-from tools.figures.drawing import BLUE, GREY, ORANGE, draw_panel, save
+from tools.figures.drawing import BLUE, GREY, ORANGE, draw_panel
 from tools.figures.page import Claim, Experiment
 from tools.figures.stage import TURN, Array, middle_row, plane_phase_rad, relative_phase_rad, rig_of_rows
+from tools.small_png import save
 
 APEX_M, RADIUS_M = 1.1, 0.2
 SURFACES: tuple[Surface, ...] = (

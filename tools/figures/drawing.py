@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -11,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from PIL import Image
 
 from tools.demo.pictures import DEPTH_MAP, ERROR_MAP, LEAST_AXIS_M, UNKNOWN_COLOUR, span
 
@@ -63,14 +60,3 @@ def draw_cloud(
     axes.set_title(title, fontsize=10)
     axes.set(xlabel="x (m)", ylabel="z (m)", zlabel="-y (m)")
     axes.view_init(elev=28, azim=-62)
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a small PNG: 256 colours, spread over all that occur, so that rare ones of a colour map stay."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=80, format="png")
-    buffer.seek(0)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with Image.open(buffer) as picture:
-        colours = picture.convert("RGB").quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-        colours.save(path, optimize=True)

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 
 from moire_sensor.reference_height import shift_of_phase_m
 from moire_sensor.reference_phase import grating, moire_phase_periods, superposed
-from tools.figures.drawing import DEPTH_MAP, ERROR_MAP, draw_panel, save
+from tools.figures.drawing import DEPTH_MAP, ERROR_MAP, draw_panel
 from tools.figures.page import Claim, Experiment
 from tools.figures.stage import TURN, Array
+from tools.small_png import save
 
 C = 0.4
 PITCH_PX, PITCH_M = 16.0, 0.020

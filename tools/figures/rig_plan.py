@@ -22,9 +22,10 @@ from moire_sensor.paper_rig import (
     RIGHT_X_M,
 )
 from tools.bench.tables import Table, number
-from tools.figures.drawing import BLUE, GREEN, GREY, ORANGE, save
+from tools.figures.drawing import BLUE, GREEN, GREY, ORANGE
 from tools.figures.page import Claim, Experiment
 from tools.figures.stage import Array
+from tools.small_png import save
 
 DEPTHS_M = (0.5, 0.6, 1.0, 1.5)
 

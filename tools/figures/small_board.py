@@ -13,9 +13,10 @@ from moire_sensor.rig import StereoRig
 from moire_sim import VirtualHead
 from moire_sim.capture import Grey
 from tools.bench.tables import Table
-from tools.figures.drawing import BLUE, GREY, ORANGE, draw_panel, save
+from tools.figures.drawing import BLUE, GREY, ORANGE, draw_panel
 from tools.figures.page import Claim, Experiment
 from tools.figures.stage import TURN, Array, middle_row, plane_phase_rad, relative_phase_rad, rig_of_rows, shift_px
+from tools.small_png import save
 
 DISTANCES_M = (1.35, 1.2, 1.0)
 # The board of the scene "board_before_plane", across: centre 30 mm, 240 mm wide; 180 mm high.

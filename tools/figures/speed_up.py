@@ -21,9 +21,10 @@ from moire_sim import VirtualHead
 from moire_sim.capture import HeadCapture
 from moire_sim.score import Score, score
 from tools.bench.tables import Table, number, percent
-from tools.figures.drawing import BLUE, ORANGE, save
+from tools.figures.drawing import BLUE, ORANGE
 from tools.figures.page import Claim, Experiment
 from tools.figures.surface_methods import DEPTH_RANGE_M
+from tools.small_png import save
 
 SCENE = "cylinder_and_box"
 ROWS = (1, 2, 4, 8, 16)

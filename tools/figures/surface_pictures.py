@@ -13,7 +13,8 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from moire_sensor.rig import StereoRig
-from tools.figures.drawing import DEPTH_MAP, ERROR_MAP, draw_cloud, draw_panel, save
+from tools.figures.drawing import DEPTH_MAP, ERROR_MAP, draw_cloud, draw_panel
+from tools.small_png import save
 
 # Points of the sparse method are drawn this wide, or nothing would be seen of them.
 POINT_PX = 5
