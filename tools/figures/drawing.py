@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tools.demo.pictures import DEPTH_MAP, ERROR_MAP, LEAST_AXIS_M, UNKNOWN_COLOUR, span
 
-__all__ = ["BLUE", "DEPTH_MAP", "ERROR_MAP", "GREEN", "GREY", "ORANGE", "PURPLE", "draw_cloud", "draw_panel", "save"]
+__all__ = ["BLUE", "DEPTH_MAP", "ERROR_MAP", "GREEN", "GREY", "ORANGE", "PURPLE", "draw_cloud", "draw_panel"]
 
 # Okabe and Ito's colours, told apart by colour-blind readers.
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "0.45"
