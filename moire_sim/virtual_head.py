@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import TracebackType
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -18,23 +17,18 @@ from moire_sim.camera_chip import CameraChip
 from moire_sim.camera_lens import rectification
 from moire_sim.capture import Grey, HeadCapture, stacked
 from moire_sim.device_view import DeviceView
-from moire_sim.errors import SimulatorError
-from moire_sim.exposure import exposed, noise_generator
-from moire_sim.fringe_image import Image, dark_picture, fringe_picture
 from moire_sim.head_options import HeadOptions
+from moire_sim.ideal_pictures import IdealPictures
 from moire_sim.joint_motion import PAN_JOINT, TILT_JOINT, JointLimit
 from moire_sim.moment import Moment
+from moire_sim.open_renderer import open_renderer
 from moire_sim.real_look import RealLook
 from moire_sim.real_pictures import RealPictures
 from moire_sim.renderer_choice import uses_egl
 from moire_sim.scenes import load_scene
 from moire_sim.still_view import StillView, still_view
 
-if TYPE_CHECKING:
-    from moire_sim.render_geometry import GeometryRenderer
-
 Array = npt.NDArray[np.float64]
-CACHED_PICTURES = 32
 
 
 class VirtualHead:
@@ -78,7 +72,7 @@ class VirtualHead:
             )
         )
         self._still: StillView | None = None
-        self._pictures: dict[tuple[FringePattern | None, int], tuple[Image, Image]] = {}
+        self._ideal = IdealPictures(self._look, self.options, seed)
         self._next_exposure = 0
         self._moves, self._base_moves = stage.moves, stage.head_motion is not None
         self._time_s = 0.0
@@ -139,7 +133,7 @@ class VirtualHead:
         """
         step = step % pattern.step_count if pattern else 0
         if self._real is None:
-            return self._with_noise(self._ideal(pattern, step), exposure_index)
+            return self._ideal.expose(pattern, step, exposure_index)
 
         def way(offset_s: float) -> Moment:
             joints = joints_after(offset_s) if joints_after and offset_s else self.pan_tilt_rad
@@ -237,7 +231,7 @@ class VirtualHead:
             self._renderer.go_to(moment)
             self._moment = moment
             self._still = None
-            self._pictures.clear()
+            self._ideal.clear()
 
     def _real_pictures(self, look: RealLook) -> RealPictures:
         options = self.options
@@ -251,37 +245,3 @@ class VirtualHead:
         if self._still is None:
             self._still = still_view(self._renderer, self.rig, self._views)
         return self._still
-
-    def _ideal(self, pattern: FringePattern | None, step: int) -> tuple[Image, Image]:
-        key = (pattern, step)
-        if key not in self._pictures:
-            if len(self._pictures) >= CACHED_PICTURES:
-                del self._pictures[next(iter(self._pictures))]
-            still, light = self._look(), self.options.light
-            left, right = (
-                dark_picture(side, light) if pattern is None else fringe_picture(side, pattern, step, light)
-                for side in (still.left, still.right)
-            )
-            self._pictures[key] = (left, right)
-        return self._pictures[key]
-
-    def _with_noise(self, pair: tuple[Image, Image], exposure_index: int) -> tuple[Grey, Grey]:
-        left, right = (
-            exposed(image, self.options.noise, noise_generator(self.seed, exposure_index, camera), self.options.bits)
-            for camera, image in enumerate(pair)
-        )
-        return left, right
-
-
-def open_renderer() -> type[GeometryRenderer]:
-    """Import the renderer, or raise SimulatorError saying how to get pybullet."""
-    try:
-        from moire_sim.render_geometry import GeometryRenderer
-    except ModuleNotFoundError as error:
-        if error.name != "pybullet":
-            raise
-        raise SimulatorError(
-            "the virtual head needs pybullet, which is not installed; run make setup, or pip install pybullet "
-            "(Python 3.11) or pybullet-arm64 (Python 3.12 and 3.13)"
-        ) from error
-    return GeometryRenderer

@@ -1,0 +1,48 @@
+"""Exposures through ideal optics: the light that falls on each pixel's centre, and the cameras' noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from moire_sensor.pattern import FringePattern
+from moire_sim.capture import Grey
+from moire_sim.exposure import exposed, noise_generator
+from moire_sim.fringe_image import Image, dark_picture, fringe_picture
+from moire_sim.head_options import HeadOptions
+from moire_sim.still_view import StillView
+
+CACHED_PICTURES = 32
+
+
+class IdealPictures:
+    """Make exposures of what ``look`` sees now; pictures without noise are kept until :meth:`clear`."""
+
+    def __init__(self, look: Callable[[], StillView], options: HeadOptions, seed: int) -> None:
+        self._look, self._options, self._seed = look, options, seed
+        self._pictures: dict[tuple[FringePattern | None, int], tuple[Image, Image]] = {}
+
+    def clear(self) -> None:
+        """Forget all pictures: something has moved."""
+        self._pictures.clear()
+
+    def expose(self, pattern: FringePattern | None, step: int, exposure_index: int) -> tuple[Grey, Grey]:
+        """Left and right picture; without a pattern the projector is off."""
+        noise, bits = self._options.noise, self._options.bits
+        left, right = (
+            exposed(image, noise, noise_generator(self._seed, exposure_index, camera), bits)
+            for camera, image in enumerate(self._without_noise(pattern, step))
+        )
+        return left, right
+
+    def _without_noise(self, pattern: FringePattern | None, step: int) -> tuple[Image, Image]:
+        key = (pattern, step)
+        if key not in self._pictures:
+            if len(self._pictures) >= CACHED_PICTURES:
+                del self._pictures[next(iter(self._pictures))]
+            still, light = self._look(), self._options.light
+            left, right = (
+                dark_picture(side, light) if pattern is None else fringe_picture(side, pattern, step, light)
+                for side in (still.left, still.right)
+            )
+            self._pictures[key] = (left, right)
+        return self._pictures[key]
