@@ -113,7 +113,8 @@ def match_block(left, right, candidates, rules, first, every_row, work, lane, pa
     lay_side_by_side(left, first, every_row, n, work.left_x[lane], work.left_side[lane])
     lay_side_by_side(right, first, every_row, m, work.right_x[lane], work.right_side[lane])
     for k in range(SIDE_BY_SIDE):
-        work.whole[lane, k] = in_units(rules.lambda_oc) * ((last_left[k] >= 0) + (last_right[k] >= 0))
+        images = np.int64(last_left[k] >= 0) + np.int64(last_right[k] >= 0)
+        work.whole[lane, k] = in_units(rules.lambda_oc) * images
     fill_tables(left, right, candidates, rules, first, every_row, n, m, work, lane)
     for k in range(SIDE_BY_SIDE):
         end = work.whole[lane, k] & ~COST
