@@ -31,7 +31,7 @@ BIN_PX = 8
 # Paths of equal J are common beside occlusions; among them the one that meets its candidates best is taken.
 TIE_BREAK = 1e-3
 # Share of the largest distance from a candidate at which lambda_off has grown to its whole.
-NEAR = 0.3
+NEAR = 0.2
 
 
 class Work(NamedTuple):

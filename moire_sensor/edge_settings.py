@@ -28,7 +28,7 @@ class EdgeSettings:
     lambda_r: float = setting(1.0, 0.0, 1e3, "reward of a match")
     lambda_mat: float = setting(2.0, 0.0, 1e3, "dissimilarity of two edges of which only the side agrees")
     lambda_off: float = setting(
-        0.4, 0.0, 1e3, "dissimilarity of correspondences 0.3 times the largest distance apart, or more; 0: the paper's"
+        0.4, 0.0, 1e3, "dissimilarity of correspondences 0.2 times the largest distance apart, or more; 0: the paper's"
     )
     same_side_periods: float = setting(
         0.072, 0.001, 0.25, "largest distance of a left edge from a candidate, periods (1.2 px in the paper's rig)"
