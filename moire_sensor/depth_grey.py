@@ -20,10 +20,10 @@ from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
-# Two rounds settle what has no texture, but for a few pixels beside edges; while more move, texture had
-# misled the phases, and rounds are added.
-LEAST_ROUNDS, MOST_ROUNDS = 2, 5
-FAR_STEP_PX, MOVING_SHARE = np.float32(0.2), 0.008
+# Two rounds settle what has no texture, but for 1 % of the pixels, beside edges. Where more still move far, texture has
+# misled the phases, and there are more rounds.
+ROUNDS, ROUNDS_ON_TEXTURE = 2, 5
+FAR_STEP_PX, MOVING_SHARE = np.float32(0.2), 0.014
 LARGEST_STEP_PX = np.float32(0.7)
 # Pixels that differ by more than this share of the fringe amplitude, noise apart, do not show one point.
 FOREIGN_SHARE = np.float32(0.35)
@@ -80,12 +80,13 @@ def match_greys(
     window = (2 * half_width + 1, 2 * settings.half_height_grey_px + 1)
     disparity = match.disparity_px
     power, met, apart = (np.empty_like(amplitude) for _ in range(3))
-    for number in range(1, MOST_ROUNDS + 1):
+    known = np.count_nonzero(disparity == disparity)
+    for number in range(1, ROUNDS_ON_TEXTURE + 1):
         disparity = along_surface(disparity, half_width, settings.half_height_grey_px)
         compare(*greys, disparity, amplitude, noise, power, met, apart)
         power_sum = box_sum(power, window)
         moving = move(disparity, power_sum, box_sum(met, window), enough, disparity)
-        if number >= LEAST_ROUNDS and moving <= MOVING_SHARE * disparity.size:
+        if number == ROUNDS and moving <= MOVING_SHARE * known:
             break
     sigma = sigma_of(apart, power_sum, window, float(enough))
     drop_foreign(disparity, least_difference(apart, MISFIT_WINDOW), amplitude, settings)
