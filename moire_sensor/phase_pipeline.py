@@ -34,7 +34,7 @@ RANGE_MARGIN = 0.02
 # Lets the projector steady the start of a match by grey levels where shading moves the phases.
 START_ALIGNMENT_PX = 0.15
 # Runs shorter than this are accidents; from one window of a period, those shorter than this share of it.
-SLIVER_PX, SLIVER_PERIODS = 3, 0.375
+SLIVER_PX, SLIVER_PERIODS = 3, 0.25
 # Where the projector measures, the alignment of the pair matters less: the real hand has patches 0.22 rad off.
 PROJECTOR_SLACK = 1.7
 
