@@ -21,6 +21,8 @@ LENGTH_PX, STEP_PX = 8, np.float32(12.0)
 EDGE_PX = 3
 # A pixel with fringes of less than this share of its neighbour's shows something else too.
 MIXED_SHARE = np.float32(0.9)
+# Of the misfit allowed to single pixels beside an edge, a face may have this share: a plane is asked for, not a pixel.
+MISFIT_SHARE = 0.25
 # Half of the row of grey levels that speaks for a pixel.
 HALF_ROW_PX = 3
 
@@ -35,7 +37,7 @@ def bridge(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, set
     greys : left, and right with the grey levels of the left, (H, W) float32.
     amplitude : fringe amplitude of the left image (H, W).
     """
-    limits = np.array([2.0 * settings.image_noise, 0.25 * settings.max_border_misfit], dtype=np.float32)
+    limits = np.array([2.0 * settings.image_noise, MISFIT_SHARE * settings.max_border_misfit], dtype=np.float32)
     columns = tuple(image.T for image in match.images())
     bridge_lines(*columns, *greys, amplitude, limits, True)
     bridge_lines(*match.images(), *greys, amplitude, limits, False)
