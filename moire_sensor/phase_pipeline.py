@@ -84,10 +84,7 @@ class PhasePipeline:
         self._by_stereo = measures_by_stereo(self._carriers[0], self._projector)
         self._single, self._steps = self._ways()
         self._orders = OrderRange.build(self._projector, self._carriers[0], disparities)
-        # What lies behind the range is recognised as such, not taken for the order in the range that fits least badly.
-        searched = (float(rig.disparity_px(np.inf)), disparities[1])
-        self._searched = OrderRange.build(self._projector, self._carriers[0], searched)
-        self._solver = OrderSolver(self._carriers, self._projector, self._searched, settings.jump_cost)
+        self._solver = OrderSolver(self._carriers, self._projector, self._orders, settings.jump_cost)
 
     def _ways(self) -> tuple[Way, Way]:
         """The ways of a single shot and of phase steps."""
@@ -171,7 +168,7 @@ class PhasePipeline:
     ) -> Match:
         """Disparities of the chosen orders from the phases of all views, NaN where the phases disagree."""
         return refine(
-            label, phases, self._carriers, self._projector, self._searched, way.settings, way.max_mismatch_rad, match
+            label, phases, self._carriers, self._projector, self._orders, way.settings, way.max_mismatch_rad, match
         )
 
     def _by_greys(self, match: Match, phase: PhaseImage, greys: tuple[Float32, Float32], single: bool) -> Match:
@@ -214,9 +211,7 @@ class PhasePipeline:
         with np.errstate(divide="ignore", invalid="ignore"):
             depth = focal_times_baseline / (match.disparity_px - np.float32(self.rig.disparity_at_infinity_px))
         nearest, farthest = self.depth_range_m
-        in_range = (depth >= nearest * (1.0 - RANGE_MARGIN)) & (depth <= farthest * (1.0 + RANGE_MARGIN))
-        outside = keep & ~in_range
-        keep = keep & in_range
+        keep = keep & (depth >= nearest * (1.0 - RANGE_MARGIN)) & (depth <= farthest * (1.0 + RANGE_MARGIN))
         typical_rad = typical_mismatch_rad(match, keep)
         views_agree = self._views_agree(phases, match, keep, typical_rad)
         lost = Status.OCCLUDED if views_agree else Status.AMBIGUOUS
@@ -230,7 +225,7 @@ class PhasePipeline:
         sigma = depth * depth / focal_times_baseline * match.sigma_px
         status = np.where(keep, np.uint8(Status.OK), phases[0].status)
         status[(status == Status.OK) & ~keep] = lost
-        status[doubtful | outside] = Status.AMBIGUOUS
+        status[doubtful] = Status.AMBIGUOUS
         return Shot(
             depth_m=depth,
             depth_sigma_m=sigma.astype(np.float32, copy=False),

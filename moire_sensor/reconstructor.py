@@ -30,7 +30,7 @@ class Reconstructor:
     ----------
     rig : the rectified pair and its projector.
     pattern : the projected fringes.
-    depth_range_m : nearest depth that can occur and farthest that is given, metres: what lies behind is left unknown.
+    depth_range_m : nearest and farthest depth that can occur, metres; the fewer periods in it, the surer the order.
     method : ``"dense"`` (one exposure, every pixel), ``"phase_shift"`` (N >= 3 exposures), ``"fringe_edges"`` (one
         exposure, the paper's sparse method) or ``"reference_plane"`` (one exposure of the left camera alone, right only
         within half a fringe of ``settings.reference_depth_m``).

@@ -137,22 +137,6 @@ def test_depths_of_little_confidence_are_left_unknown() -> None:
     np.testing.assert_array_equal(everything.status == Status.OK, np.isfinite(everything.depth_m))
 
 
-@pytest.mark.parametrize("name", ["cylinder_and_box", "small_plate"])
-def test_what_lies_behind_the_range_is_unknown_and_spoils_nothing(name: str) -> None:
-    """With the background out of the range, all that lies before it is measured as with it."""
-    seen, whole = capture(name), dense_shot(name)
-    farthest_m = 0.97 * float(np.nanmax(seen.depth_m))
-    near = Reconstructor(seen.rig, seen.pattern, (0.5, farthest_m)).reconstruct(seen.left, seen.right)
-    before, behind = (whole.depth_m < 0.95 * farthest_m), (whole.depth_m > 1.025 * farthest_m)
-    assert before.sum() > 5_000
-    assert behind.sum() > 5_000
-    assert np.isnan(near.depth_m[behind]).mean() > 0.999
-    assert (near.status[behind] == Status.AMBIGUOUS).mean() > 0.99
-    # The carriers stand for another middle of the range, so bits differ.
-    close = np.abs(near.depth_m - whole.depth_m)[before] < 0.001 * farthest_m
-    assert close.mean() > 0.99
-
-
 def test_orders_are_those_of_the_points() -> None:
     for name in ("plane_1000", "tilt_0.5", "small_plate"):
         shot, seen = dense_shot(name), capture(name)
