@@ -9,10 +9,12 @@ import numpy.typing as npt
 
 from moire_sensor.errors import SettingsError
 from moire_sensor.pattern import FringePattern
+from moire_sensor.projection import distort_pixels
 from moire_sensor.rig import StereoRig
 from moire_sensor.settings import check_ranges, setting
-from moire_sim.device_view import DeviceView, dot, tangent_planes, visible_share
+from moire_sim.device_view import DeviceView, lambert_cosine, tangent_planes, visible_share
 from moire_sim.exposure import lens_blur, projected_signal
+from moire_sim.surface_kernels import fill_pixels
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
@@ -52,7 +54,7 @@ class Surfaces:
     albedo : float32, 0 where nothing is seen.
     lit_share : float32, 0 (shadow or outside the projector's image) to 1.
     lambert : float32, cosine between normal and light, 0 where it faces away.
-    column_px : float64, projector device column.
+    device_px : (H, W, 2) projector device column and row, 0 where nothing is seen.
     """
 
     points_m: Array
@@ -60,7 +62,7 @@ class Surfaces:
     albedo: Image
     lit_share: Image
     lambert: Image
-    column_px: Array
+    device_px: Array
 
     @property
     def lit(self) -> npt.NDArray[np.bool_]:
@@ -76,27 +78,28 @@ def light_surfaces(
     planes = tangent_planes(camera, depth_m)
     lit = visible_share(projector, projector_depth_m, points, planes)
     known = np.isfinite(depth_m)
-    safe = np.where(known[..., None], points, 1.0)
     return Surfaces(
         points,
         planes,
-        np.where(known, albedo, 0.0).astype(np.float32),
+        np.where(known, albedo, np.float32(0.0)),
         lit,
-        lambert_cosine(planes, safe, projector.centre_m).astype(np.float32),
-        rig.projector_pixels(safe)[..., 0],
+        lambert_cosine(planes, points, projector.centre_m),
+        np.where(known[..., None], lighting_pixels(rig, points), 0.0),
     )
 
 
-def lambert_cosine(planes: Array, points_m: Array, light_m: Array) -> Array:
-    """Cosine (...) between the normals of planes ``q . X = 1`` and the way to the light, at least 0."""
-    away = points_m - light_m
-    scale = np.sqrt(dot(planes, planes) * dot(away, away))
-    return np.asarray(np.clip(dot(planes, away) / scale, 0.0, 1.0))
+def lighting_pixels(rig: StereoRig, points_m: Array) -> Array:
+    """Projector device column and row (H, W, 2) that light points (H, W, 3); NaN for those not in front of it."""
+    pixels = np.empty((*points_m.shape[:-1], 2))
+    fill_pixels(points_m.reshape(-1, 3), rig.P_projector, pixels.reshape(-1, 2))
+    if not rig.projector_distortion:
+        return pixels
+    return distort_pixels(pixels, rig.projector_matrix, rig.projector_distortion)
 
 
 def fringe_picture(surfaces: Surfaces, pattern: FringePattern, step: int, light: Light) -> Image:
     """Grey levels (H, W) float32 before noise: albedo (ambient + Lambert (offset + amplitude signal)), blurred."""
-    signal = projected_signal(pattern, surfaces.column_px, step, light.gamma).astype(np.float32)
+    signal = projected_signal(pattern, surfaces.device_px[..., 0], step, light.gamma).astype(np.float32)
     projected = surfaces.lambert * surfaces.lit_share * (light.offset + light.amplitude * signal)
     picture = surfaces.albedo * (light.ambient + projected)
     return lens_blur(np.asarray(picture, dtype=np.float32), light.blur_px)

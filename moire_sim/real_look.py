@@ -51,6 +51,4 @@ class RealLook:
         )
         assert seen.body is not None
         finishes = Finishes(seen.body, self._finishes, self._renderer.rest_from_left())
-        safe = np.nan_to_num(surfaces.points_m, nan=1.0)
-        device_px = self._rig.projector_pixels(safe)
-        return RealView.of(lens, surfaces, finishes, self._projector, device_px, self._optics, camera.size)
+        return RealView.of(lens, surfaces, finishes, self._projector, self._optics, camera.size)

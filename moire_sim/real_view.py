@@ -47,11 +47,10 @@ class RealView:
         surfaces: Surfaces,
         finishes: Finishes,
         projector: DeviceView,
-        device_px: Array,
         optics: Optics,
         size: tuple[int, int],
     ) -> RealView:
-        """Work out how the surfaces that a camera sees answer light; ``device_px`` (H, W, 2) is what lights them."""
+        """Work out how the surfaces that a camera sees answer light."""
         known = np.isfinite(surfaces.points_m[..., 2])
         points = np.where(known[..., None], surfaces.points_m, 1.0)
         planes = np.where(known[..., None], surfaces.planes, 1.0)
@@ -61,13 +60,13 @@ class RealView:
         if specular.any():
             camera_m = lens.fine_view.centre_m
             returned = returned + specular * gloss(planes, points, projector.centre_m, camera_m, shininess)
-        answer = returned * surfaces.lit_share * strength(optics, projector, points, device_px)
+        answer = returned * surfaces.lit_share * strength(optics, projector, points, surfaces.device_px)
         columns, rows = np.meshgrid(np.arange(float(size[0])), np.arange(float(size[1])))
         return cls(
             lens,
             white.astype(np.float32),
             np.where(known, answer, 0.0).astype(np.float32),
-            surfaces.column_px,
+            surfaces.device_px[..., 0],
             defocus_px(optics, projector, points).astype(np.float32),
             corner_loss(np.stack([columns, rows], axis=-1), size, optics.vignetting).astype(np.float32),
         )

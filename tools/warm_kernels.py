@@ -14,15 +14,17 @@ from moire_sensor.paper_rig import paper_rig
 from moire_sensor.reconstructor import METHODS
 from moire_sensor.ros.kernels import warm_up
 from moire_sensor.settings import Settings
-from moire_sim.device_view import DeviceView, tangent_planes, visible_share
+from moire_sim.device_view import DeviceView
+from moire_sim.fringe_image import light_surfaces
 
 
 def main() -> int:
     """Warm up all that the nodes offer, and the simulator's light and shadow."""
     print("kernels: compiling or loading (a minute or two the first time)", file=sys.stderr, flush=True)
     warm_up(set(METHODS), Settings())
-    view, wall_m = DeviceView.of(paper_rig().P_left, (64, 48)), np.ones((48, 64))
-    visible_share(view, wall_m, view.points(wall_m), tangent_planes(view, wall_m))
+    rig, wall_m, white = paper_rig(), np.ones((48, 64)), np.ones((48, 64), dtype=np.float32)
+    view = DeviceView.of(rig.P_left, (64, 48))
+    light_surfaces(rig, view, wall_m, white, view, wall_m)
     return 0
 
 
