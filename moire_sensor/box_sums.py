@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.angles import FAST
+from moire_sensor.apart import ROW_FAST
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_sums import add_scaled, grow
 
@@ -40,7 +41,7 @@ def fill_sums(values, columns, half_height, sums):  # type: ignore[no-untyped-de
                 add_scaled(values[y - half_height], -ONE, inner)
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def sum_along(values, size, work, sums):  # type: ignore[no-untyped-def]
     """Fill ``sums`` (n,) with those of ``size`` values from each on: S_2k[x] = S_k[x] + S_k[x + k], one more if odd."""
     bits = 0

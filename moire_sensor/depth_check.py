@@ -8,10 +8,11 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.angles import NAN_SAFE
+from moire_sensor.apart import ROW
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.right_view import REACH_PX, difference
 
-SAME_SURFACE_PX = 1.0
+SAME_SURFACE_PX = np.float32(1.0)
 MISMATCH_WEIGHT = np.float32(0.5)
 SPECKLE_STEPS_PER_PX = 8
 NO_STEP = np.int16(-32768)
@@ -26,35 +27,47 @@ def is_unique(
     return unique
 
 
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+@njit(parallel=True, cache=True)
 def keep_unique(disparity, mismatch, amplitude, left, right, unique):  # type: ignore[no-untyped-def]
     """Of the left pixels that claim one right pixel from different surfaces only the one that looks like it stays."""
     height, width = disparity.shape
     for row in prange(height):
         y = np.int64(row)
-        winner = np.full(width, -1, dtype=np.int64)
+        column = np.empty(width, dtype=np.int32)
+        # The last place is for what the right image does not show, and holds NaN.
+        claim, winner = np.full(width + 1, np.nan, dtype=np.float32), np.empty(width + 1, dtype=np.int32)
+        fill_columns(disparity[y], column)
         for x in range(width):
-            unique[y, x] = False
-            if np.isnan(disparity[y, x]):
+            at = column[x]
+            if at == width:
                 continue
-            column = int(np.floor(x - disparity[y, x] + 0.5))
-            if 0 <= column < width:
-                rival = winner[column]
-                if rival < 0 or beats(disparity, mismatch, amplitude, left, right, y, x, rival):
-                    winner[column] = x
-        for x in range(width):
-            if np.isnan(disparity[y, x]):
-                continue
-            column = int(np.floor(x - disparity[y, x] + 0.5))
-            if 0 <= column < width:
-                unique[y, x] = abs(disparity[y, winner[column]] - disparity[y, x]) <= SAME_SURFACE_PX
+            here, held = disparity[y, x], claim[at]
+            if held != held or (abs(held - here) > SAME_SURFACE_PX and beats(
+                disparity, mismatch, amplitude, left, right, y, x, winner[at]
+            )):  # fmt: skip
+                claim[at], winner[at] = here, x
+        keep_claims(disparity[y], column, claim, unique[y])
+
+
+@njit(**ROW)
+def fill_columns(disparity, column):  # type: ignore[no-untyped-def]
+    """Fill the right columns that the pixels of a row claim, W where there is none."""
+    width = np.float32(column.size)
+    for x in range(column.size):
+        at = np.floor(np.float32(np.int32(x)) - disparity[x] + np.float32(0.5))
+        column[x] = np.int32(at if (at >= np.float32(0.0)) & (at < width) else width)
+
+
+@njit(**ROW)
+def keep_claims(disparity, column, claim, unique):  # type: ignore[no-untyped-def]
+    """Fill where a pixel lies on the surface that its right column shows."""
+    for x in range(column.size):
+        unique[x] = abs(claim[np.uint32(column[x])] - disparity[x]) <= SAME_SURFACE_PX
 
 
 @njit(inline="always", fastmath=False)
 def beats(disparity, mismatch, amplitude, left, right, y, x, rival):  # type: ignore[no-untyped-def]
-    """Whether left pixel x of another surface fits the right pixel better than its rival."""
-    if abs(disparity[y, rival] - disparity[y, x]) <= SAME_SURFACE_PX:
-        return False
+    """Whether left pixel x fits the right pixel better than its rival of another surface."""
     here = differs(disparity, mismatch, amplitude, left, right, y, x)
     return here < differs(disparity, mismatch, amplitude, left, right, y, rival)
 

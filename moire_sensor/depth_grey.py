@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.angles import NAN_SAFE
+from moire_sensor.apart import ROW
 from moire_sensor.box_sums import box_sum
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_surface import along_surface
@@ -117,7 +118,7 @@ def drop_foreign(disparity_px: Float32, apart: Float32, amplitude: Float32, sett
     disparity_px[apart > np.float32(2.0 * settings.image_noise) + np.float32(settings.max_misfit) * amplitude] = np.nan
 
 
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+@njit(parallel=True, cache=True)
 def compare(left, right, disparity, amplitude, noise, power, met, apart):  # type: ignore[no-untyped-def]
     """Fill slope times slope, slope times difference, and difference (each (H, W)) of left and moved right image.
 
@@ -126,30 +127,37 @@ def compare(left, right, disparity, amplitude, noise, power, met, apart):  # typ
     pixels. Pixels that the right image does not show have no slope and no difference, those too different to show one
     point no slope.
     """
-    height, width = left.shape
-    zero, half = np.float32(0.0), np.float32(0.5)
-    lowest, highest = np.float32(1.0), np.float32(width - 3)
-    for y in prange(height):
-        row = right[y]
-        for x in range(width):
-            d = disparity[y, x]
-            seen = np.float32(x) - d
-            known = lowest <= seen <= highest
-            column = seen if known else lowest
-            base = np.uint64(column)
-            t = column - np.float32(base)
-            p0, p1, p2, p3 = row[base - np.uint64(1)], row[base], row[base + np.uint64(1)], row[base + np.uint64(2)]
-            c1 = half * (p2 - p0)
-            c2 = p0 - np.float32(2.5) * p1 + np.float32(2.0) * p2 - half * p3
-            c3 = half * (p3 - p0) + np.float32(1.5) * (p1 - p2)
-            slope = c1 + t * (np.float32(2.0) * c2 + np.float32(3.0) * t * c3)
-            difference = left[y, x] - (p1 + t * (c1 + t * (c2 + t * c3)))
-            distance = abs(difference)
-            same = known and distance < FOREIGN_SHARE * amplitude[y, x] + np.float32(3.0) * noise
-            own = half * (left[y, min(x + 1, width - 1)] - left[y, max(x - 1, 0)])
-            power[y, x] = own * slope if same else zero
-            met[y, x] = -own * difference if same else zero
-            apart[y, x] = distance if known else zero
+    for y in prange(left.shape[0]):
+        compare_row(left[y], right[y], disparity[y], amplitude[y], noise, power[y], met[y], apart[y])
+
+
+@njit(**ROW)
+def compare_row(left, right, disparity, amplitude, noise, power, met, apart):  # type: ignore[no-untyped-def]
+    """One row of :func:`compare`."""
+    half, last = np.float32(0.5), left.size - 1
+    power[0] = left[min(1, last)] - left[0]
+    power[last] = left[last] - left[max(last - 1, 0)]
+    for x in range(1, last):
+        power[x] = left[x + 1] - left[x - 1]
+    lowest, highest = np.float32(1.0), np.float32(last - 2)
+    for x in range(left.size):
+        seen = np.float32(np.int32(x)) - disparity[x]
+        known = (lowest <= seen) & (seen <= highest)
+        column = seen if known else lowest
+        base = np.uint32(np.int32(column))
+        t = column - np.float32(np.int32(base))
+        p0, p1, p2, p3 = right[base - 1], right[base], right[base + 1], right[base + 2]
+        c1 = half * (p2 - p0)
+        c2 = p0 - np.float32(2.5) * p1 + np.float32(2.0) * p2 - half * p3
+        c3 = half * (p3 - p0) + np.float32(1.5) * (p1 - p2)
+        slope = c1 + t * (np.float32(2.0) * c2 + np.float32(3.0) * t * c3)
+        difference = left[x] - (p1 + t * (c1 + t * (c2 + t * c3)))
+        distance = abs(difference)
+        same = known & (distance < FOREIGN_SHARE * amplitude[x] + np.float32(3.0) * noise)
+        own = half * power[x]
+        power[x] = own * slope if same else np.float32(0.0)
+        met[x] = -own * difference if same else np.float32(0.0)
+        apart[x] = distance if known else np.float32(0.0)
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)

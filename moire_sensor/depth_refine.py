@@ -8,18 +8,15 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE, TWO_PI, wrap
+from moire_sensor.angles import NAN_SAFE
+from moire_sensor.depth_refine_row import LISTS, NAN, refine_row
 from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
-from moire_sensor.projector_map import ProjectorMap, disparity_of_phase, phase_of_disparity
-from moire_sensor.right_view import right_phase
+from moire_sensor.projector_map import ProjectorMap, phase_of_disparity
 from moire_sensor.settings import Settings
 from moire_sensor.shot import UNKNOWN_ORDER
 
-ITERATIONS = 2
-# Phases are nearly straight over so short a step: a second one would hardly move it.
-SETTLED_PX = np.float32(0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,69 +74,22 @@ def refine(
     return match
 
 
-@njit(inline="always", fastmath=False)
-def weigh(left_sigma, right_sigma, misaligned, common):  # type: ignore[no-untyped-def]
-    """Inverse covariance of the two phases but for its determinant, and their variances by noise."""
-    v1 = left_sigma * left_sigma + np.float32(1e-10)
-    v2 = right_sigma * right_sigma + np.float32(1e-10)
-    g2 = common * common
-    return v2 + misaligned * misaligned + g2, v1 + g2, -g2, v1, v2
-
-
-@njit(inline="always", fastmath=NAN_SAFE)
-def step_of(phase, expected, seen, slope1, slope2, weights):  # type: ignore[no-untyped-def]
-    """One step of the least squares: the disparity's change and its sigma by noise."""
-    w11, w22, w12, v1, v2 = weights
-    gain1, gain2 = w11 * slope1 + w12 * slope2, w12 * slope1 + w22 * slope2
-    norm = np.float32(1.0) / (gain1 * slope1 + gain2 * slope2)
-    step = (gain1 * (phase - expected) + gain2 * wrap(seen - expected)) * norm
-    return step, np.sqrt(gain1 * gain1 * v1 + gain2 * gain2 * v2) * abs(norm)
-
-
-@njit(inline="always", fastmath=False)
-def settle(phase, seen, along, x, y, found, right, right_rad, map_, weights):  # type: ignore[no-untyped-def]
-    """Disparity and sigma of one pixel after at most ``ITERATIONS`` steps from where its own phase places it."""
-    sigma = np.float32(np.nan)
-    for round_ in range(ITERATIONS):
-        exact, slope = phase_of_disparity(map_, x, y, found)
-        if round_ > 0:
-            seen, along = right_phase(right, right_rad, y, np.float32(x) - found)
-        slope1 = np.float32(slope)
-        step, sigma = step_of(phase, np.float32(exact), seen, slope1, slope1 + along, weights)
-        found += step
-        if abs(step) < SETTLED_PX:
-            break
-    return found, sigma
-
-
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+@njit(parallel=True, cache=True)
 def solve_disparity(  # type: ignore[no-untyped-def]
     label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, errors, fresh,
     disparity, sigma, signed, mismatch,
 ):  # fmt: skip
     """Fill disparity, sigma and mismatches (H, W each) at pixels with a label; if ``fresh``, NaN at the others."""
     height, width = label.shape
-    for y in prange(height):
-        misaligned = errors[1] * (right_rad[y, 1] - right_rad[y, 0])
-        for x in range(width):
-            if label[y, x] >= 0 or fresh:
-                disparity[y, x] = sigma[y, x] = signed[y, x] = mismatch[y, x] = np.float32(np.nan)
-            if label[y, x] < 0:
-                continue
-            phase = left_rad[y, x] + left[y, x] + TWO_PI * np.float32(first + label[y, x])
-            found = np.float32(disparity_of_phase(map_, x, y, phase))
-            column = np.float32(x) - found
-            if column < np.float32(-0.5) or column > np.float32(width) - np.float32(0.5):
-                continue
-            seen, along = right_phase(right, right_rad, y, column)
-            apart = wrap(phase - seen)
-            signed[y, x], mismatch[y, x] = apart, abs(apart)
-            if abs(apart) <= errors[2]:
-                at = min(max(int(column + np.float32(0.5)), 0), width - 1)
-                weights = weigh(left_sigma[y, x], right_sigma[y, at], misaligned, errors[0])
-                disparity[y, x], sigma[y, x] = settle(
-                    phase, seen, along, x, y, found, right, right_rad, map_, weights
-                )
+    for row in prange(height):
+        y = np.int64(row)
+        if fresh:
+            disparity[y, :] = sigma[y, :] = signed[y, :] = mismatch[y, :] = NAN
+        room = np.empty((LISTS, width), dtype=np.float32)
+        refine_row(
+            label[y], first, y, left[y], left_sigma[y], left_rad[y], right[y], right_sigma[y], right_rad[y], map_,
+            errors, room, disparity[y], sigma[y], signed[y], mismatch[y],
+        )  # fmt: skip
 
 
 def fringe_orders(disparity_px: Float32, projector: ProjectorMap) -> npt.NDArray[np.int16]:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from numba import get_num_threads, njit, prange
 
 from moire_sensor.angles import NAN_SAFE, TURNS_PER_RAD, TWO_PI
+from moire_sensor.apart import ROW
 from moire_sensor.order_place import place
 from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32
@@ -109,7 +110,7 @@ def fill_costs(  # type: ignore[no-untyped-def]
             add_greys(left_i[y], beyond, scale, columns, mismatches, bound, cost[y])
 
 
-@njit(inline="always")
+@njit(**ROW)
 def copy_turns(offset, seen):  # type: ignore[no-untyped-def]
     """Right phases as turns between two NaN, which columns outside the image meet."""
     seen[0] = np.float32(np.nan)
@@ -119,7 +120,7 @@ def copy_turns(offset, seen):  # type: ignore[no-untyped-def]
         inside[x] = offset[x] * TURNS_PER_RAD
 
 
-@njit(inline="always")
+@njit(**ROW)
 def fill_nearest(column, nearest):  # type: ignore[no-untyped-def]
     """Fill nearest right pixels, counted from 1; 0 and W + 1 lie outside. An unknown column counts as outside."""
     beyond = np.float32(nearest.size)
@@ -129,14 +130,14 @@ def fill_nearest(column, nearest):  # type: ignore[no-untyped-def]
         nearest[x] = np.int32(at + np.float32(1.5))
 
 
-@njit(inline="always")
+@njit(**ROW)
 def subtract_seen(seen, nearest, turns):  # type: ignore[no-untyped-def]
     """Subtract the right phases: of the nearest pixel, since between the sides of an edge there is none."""
     for x in range(turns.size):
         turns[x] -= seen[np.uint32(nearest[x])]
 
 
-@njit(inline="always")
+@njit(**ROW)
 def weigh(column, turns, limits, flat, mismatch, cost):  # type: ignore[no-untyped-def]
     """Fill costs by phase, and mismatches in radians, UNMATCHED where no phase is seen or the depth out of range.
 
@@ -161,7 +162,7 @@ def weigh(column, turns, limits, flat, mismatch, cost):  # type: ignore[no-untyp
         cost[index] = np.uint8(np.int32(value * UNITS + np.float32(0.5)))
 
 
-@njit(inline="always")
+@njit(**ROW)
 def find_rivals(mismatch, bound, runner_up):  # type: ignore[no-untyped-def]
     """Fill the mismatch up to which orders rival the best of each pixel, NO_RIVAL where none does."""
     bound[:] = UNMATCHED
@@ -179,7 +180,7 @@ def find_rivals(mismatch, bound, runner_up):  # type: ignore[no-untyped-def]
         bound[x] = most if runner_up[x] < most else NO_RIVAL
 
 
-@njit(inline="always")
+@njit(**ROW)
 def fill_scales(amplitude, rad_per_px, right, scale, px_per_rad, beyond):  # type: ignore[no-untyped-def]
     """Fill cost per grey level and columns per mismatch of a row; copy right grey levels, the last one twice."""
     for x in range(scale.size):
@@ -189,7 +190,7 @@ def fill_scales(amplitude, rad_per_px, right, scale, px_per_rad, beyond):  # typ
     beyond[scale.size] = right[scale.size - 1]
 
 
-@njit(inline="always")
+@njit(**ROW)
 def match(column, mismatch, px_per_rad):  # type: ignore[no-untyped-def]
     """Move right columns to where the phases match, inside the image; the carrier's speed is taken at column x."""
     last = np.float32(column.size - 1)
@@ -199,7 +200,7 @@ def match(column, mismatch, px_per_rad):  # type: ignore[no-untyped-def]
         column[x] = at if at < last else last
 
 
-@njit(inline="always")
+@njit(**ROW)
 def add_greys(left, right, scale, matched, mismatch, bound, cost):  # type: ignore[no-untyped-def]
     """Add to the costs of rivals how far grey levels differ where their phases match, in fringe amplitudes."""
     for x in range(bound.size):

@@ -6,10 +6,11 @@ import numpy as np
 from numba import njit
 
 from moire_sensor.angles import TURNS_PER_RAD, TWO_PI
+from moire_sensor.apart import ROW
 from moire_sensor.projector_map import PLAIN, disparity_of_phase
 
 
-@njit(inline="always")
+@njit(**ROW)
 def place(phase, map_, y, order, carrier, column, turns):  # type: ignore[no-untyped-def]
     """Fill right columns of one order, and its phase above the right carrier there, in turns."""
     if map_.shape[0] > PLAIN:
@@ -23,7 +24,7 @@ def place(phase, map_, y, order, carrier, column, turns):  # type: ignore[no-unt
         subtract_carrier(phase, carrier, column, turns)
 
 
-@njit(inline="always")
+@njit(**ROW)
 def place_straight(phase, map_, y, order, carrier, column, turns):  # type: ignore[no-untyped-def]
     """For a projector in the plane of the cameras, not turned: everything is linear along a row."""
     below = (map_[4] + map_[6] * y) / map_[3]
@@ -39,7 +40,7 @@ def place_straight(phase, map_, y, order, carrier, column, turns):  # type: igno
         turns[x] = phase[x] * TURNS_PER_RAD - first_turn - turns_per_px * at
 
 
-@njit(inline="always")
+@njit(**ROW)
 def place_by_quotient(phase, map_, y, order, column):  # type: ignore[no-untyped-def]
     """For any projector without lens: disparity_of_phase in float32."""
     start = np.float32((2.0 * np.pi * order - map_[9]) / map_[8])
@@ -54,7 +55,7 @@ def place_by_quotient(phase, map_, y, order, column):  # type: ignore[no-untyped
         column[index] = x - disparity
 
 
-@njit(inline="always")
+@njit(**ROW)
 def subtract_carrier(phase, carrier, column, turns):  # type: ignore[no-untyped-def]
     """Fill the phase above the right carrier, linear between its pixels."""
     last = np.float32(carrier.size - 2)

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from moire_sensor.angles import TURNS_PER_RAD
+from moire_sensor.apart import ROW
 from moire_sensor.order_cost import UNITS
 
 NEVER = np.int16(20000)
@@ -16,14 +17,14 @@ RANKS = np.int32(128)
 NO_RANK = np.int32(2**31 - 1)
 
 
-@njit(inline="always")
+@njit(**ROW)
 def steps_between(here, before, steps):  # type: ignore[no-untyped-def]
     """Fill a line of label steps."""
     for lane in range(steps.size):
         steps[lane] = label_step(here[lane], before[lane])
 
 
-@njit(inline="always")
+@njit(**ROW)
 def label_step(here, before):  # type: ignore[no-untyped-def]
     """Label of the pixel before minus label here on one surface, -1 to 1, or ANEW."""
     turns = (here - before) * TURNS_PER_RAD
@@ -32,7 +33,7 @@ def label_step(here, before):  # type: ignore[no-untyped-def]
     return step if turns == turns else ANEW
 
 
-@njit(inline="always")
+@njit(**ROW)
 def advance(cost, steps, turn, jump, before, state):  # type: ignore[no-untyped-def]
     """One step of a programme: all states (labels + 3, lanes) of a line from those of the line before.
 
@@ -49,7 +50,7 @@ def advance(cost, steps, turn, jump, before, state):  # type: ignore[no-untyped-
         keep_lowest(state[label], state[labels + 2])
 
 
-@njit(inline="always")
+@njit(**ROW)
 def advance_label(cost, steps, jump, below, same, above, lowest, state):  # type: ignore[no-untyped-def]
     """Fill one label's states of a line from those of the line before: of the label below, the same and above.
 
@@ -65,7 +66,7 @@ def advance_label(cost, steps, jump, below, same, above, lowest, state):  # type
         state[lane] = np.int16(cost[lane] + rise)
 
 
-@njit(inline="always")
+@njit(**ROW)
 def keep_lowest(state, lowest):  # type: ignore[no-untyped-def]
     """Lower ``lowest`` to the states that lie below it."""
     for lane in range(lowest.size):
@@ -73,14 +74,14 @@ def keep_lowest(state, lowest):  # type: ignore[no-untyped-def]
         lowest[lane] = value if value < lowest[lane] else lowest[lane]
 
 
-@njit(inline="always")
+@njit(**ROW)
 def add(state, total):  # type: ignore[no-untyped-def]
     """Add a line of states to the total."""
     for lane in range(total.size):
         total[lane] = np.int16(total[lane] + state[lane])
 
 
-@njit(inline="always")
+@njit(**ROW)
 def rank(state, total, label, best, second):  # type: ignore[no-untyped-def]
     """Put one label's final totals where they belong among the two lowest."""
     for lane in range(best.size):
@@ -90,7 +91,7 @@ def rank(state, total, label, best, second):  # type: ignore[no-untyped-def]
         second[lane] = worse if worse < second[lane] else second[lane]
 
 
-@njit(inline="always")
+@njit(**ROW)
 def take_best(best, second, offset, label, margin):  # type: ignore[no-untyped-def]
     """Labels of the lowest totals and how far the second lie above them."""
     for lane in range(label.size):
@@ -100,7 +101,7 @@ def take_best(best, second, offset, label, margin):  # type: ignore[no-untyped-d
         margin[lane] = np.float32(above) / UNITS if known else np.float32(0.0)
 
 
-@njit(inline="always")
+@njit(**ROW)
 def take_second(second, offset, runner_up):  # type: ignore[no-untyped-def]
     """Labels of the second lowest totals."""
     for lane in range(runner_up.size):

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.angles import FAST, fast_atan2
+from moire_sensor.angles import fast_atan2
+from moire_sensor.apart import ROW_FAST
 from moire_sensor.phase_planes import AMPLITUDE, OFFSET, PLANES, UNUSABLE, VARIANCE, finish_row
 from moire_sensor.phase_sums import ONE, ZERO, add_row, sum_windows
 
@@ -41,7 +42,7 @@ class FitWork(NamedTuple):
     constants: Float32
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def fit_work(carrier):  # type: ignore[no-untyped-def]
     """Empty rows for the fits of one band."""
     width = carrier.cos.shape[1]
@@ -51,7 +52,7 @@ def fit_work(carrier):  # type: ignore[no-untyped-def]
     return FitWork(columns, sums, fits, carrier.table[0].copy())
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def empty_planes(carrier, rows):  # type: ignore[no-untyped-def]
     """Planes (7, rows, W + 2 margin) without any fit; image row y has row y mod ``rows``.
 
@@ -63,13 +64,13 @@ def empty_planes(carrier, rows):  # type: ignore[no-untyped-def]
     return planes
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def margin(half_width):  # type: ignore[no-untyped-def]
     """Columns that a plane has left and right of the image: half a window, made even."""
     return 2 * ((half_width + 1) // 2)
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def start_columns(image, carrier, y, work):  # type: ignore[no-untyped-def]
     """Sums down the columns, ready for the windows centred on row y."""
     work.columns[:] = ZERO
@@ -77,7 +78,7 @@ def start_columns(image, carrier, y, work):  # type: ignore[no-untyped-def]
         add_row(work.columns, image[row], carrier.cos[row], carrier.sin[row], ONE)
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
     """Fit the windows centred on row y, the one after the last, or the one that the columns were started for."""
     rows = planes.shape[1]
@@ -98,7 +99,7 @@ def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
     add_row(work.columns, image[above], carrier.cos[above], carrier.sin[above], -ONE)
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def between_rows(table_rows, table, y, constants):  # type: ignore[no-untyped-def]
     """Constants of row y, linear between two rows of the table."""
     step = table_rows[1] - table_rows[0]
@@ -110,7 +111,7 @@ def between_rows(table_rows, table, y, constants):  # type: ignore[no-untyped-de
             between[x] = above[x] + part * (below[x] - above[x])
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def fit_row(sums, cos, sin, constants, half_width, samples, fits, planes, y, start):  # type: ignore[no-untyped-def]
     """Fit every window of a row: its mean, C and D into ``fits``, offset and residual variance into the planes."""
     width = cos.size
@@ -132,7 +133,7 @@ def fit_row(sums, cos, sin, constants, half_width, samples, fits, planes, y, sta
     offsets(real, imaginary, cos, sin, planes[OFFSET, y][start:])
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def turn(first, second, cos, sin):  # type: ignore[no-untyped-def]
     """Sums with cos, sin of the carrier become sums with cos, sin of theta."""
     for x in range(cos.size):
@@ -141,14 +142,14 @@ def turn(first, second, cos, sin):  # type: ignore[no-untyped-def]
         first[x] = turned
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def combine(weight_1, weight_c, weight_s, ones, in_cos, in_sin, target):  # type: ignore[no-untyped-def]
     """One row of the inverse normal matrix times the sums."""
     for x in range(target.size):
         target[x] = weight_1[x] * ones[x] + weight_c[x] * in_cos[x] + weight_s[x] * in_sin[x]
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def meet_detuned(fits, ramp_cos, ramp_sin, sin_ramp, sin_cos_ramp, met):  # type: ignore[no-untyped-def]
     """Product of the residual with t (D cos theta - C sin theta), what a slightly other frequency would add."""
     mean, real, imaginary = fits[0], fits[1], fits[2]
@@ -157,7 +158,7 @@ def meet_detuned(fits, ramp_cos, ramp_sin, sin_ramp, sin_cos_ramp, met):  # type
         met[x] = imaginary[x] * (ramp_cos[x] - imaginary[x] * sin_cos_ramp[x]) - real[x] * along_c
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def variance_without(squares, met, real, imaginary, free_cos, free_sin, share, variance):  # type: ignore[no-untyped-def]
     """Variance of the residual less what a slightly other frequency explains of it."""
     for x in range(met.size):
@@ -165,7 +166,7 @@ def variance_without(squares, met, real, imaginary, free_cos, free_sin, share, v
         variance[x] = max(squares[x] - met[x] * met[x] / max(free, ONE), ZERO) * share
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def offsets(real, imaginary, cos, sin, offset):  # type: ignore[no-untyped-def]
     """Phase of the fit at the centre, angle of C - i D, less that of the carrier."""
     for x in range(cos.size):

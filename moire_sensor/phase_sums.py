@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from moire_sensor.angles import FAST
+from moire_sensor.apart import ROW_FAST
 
 # Grey levels are taken less this, so that their squares lose less in float32.
 MIDDLE = np.float32(128.0)
 ONE, ZERO = np.float32(1.0), np.float32(0.0)
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def add_row(columns, values, cos, sin, sign):  # type: ignore[no-untyped-def]
     """Add one image row to the sums of I, I^2, I cos, I sin down each column."""
     ones, squares, in_cos, in_sin = columns[0], columns[1], columns[2], columns[3]
@@ -26,7 +26,7 @@ def add_row(columns, values, cos, sin, sign):  # type: ignore[no-untyped-def]
         in_sin[x] += sign * (values[x] - MIDDLE) * sin[x]
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def sum_windows(columns, size, sums):  # type: ignore[no-untyped-def]
     """Sums over ``size`` columns from each on: ``sums[0]`` of all four, ``sums[1, 2 W:]`` of t I cos and t I sin.
 
@@ -55,21 +55,21 @@ def sum_windows(columns, size, sums):  # type: ignore[no-untyped-def]
     add_scaled(source[half:], -np.float32(size // 2), ramp)
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def grow(source, ahead, target):  # type: ignore[no-untyped-def]
     """Sums over twice the columns."""
     for x in range(ahead.size):
         target[x] = source[x] + ahead[x]
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def grow_ramp(source, ahead, ramp, ramp_ahead, columns, target):  # type: ignore[no-untyped-def]
     """Sums of k times the k-th over twice the columns."""
     for x in range(ahead.size):
         target[x] = ramp[x] + ramp_ahead[x] + columns * ahead[x]
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def add_scaled(values, scale, target):  # type: ignore[no-untyped-def]
     """target += scale * values."""
     for x in range(values.size):

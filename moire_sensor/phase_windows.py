@@ -9,6 +9,7 @@ import numpy.typing as npt
 from numba import njit
 
 from moire_sensor.angles import FAST, NAN_SAFE, wrap
+from moire_sensor.apart import ROW_FAST
 from moire_sensor.phase_planes import ALONG, AMPLITUDE, BACKGROUND, CARRIED, DOWN, UNUSABLE, VARIANCE
 from moire_sensor.shot import Status
 
@@ -35,7 +36,7 @@ class Choice(NamedTuple):
     sigma_factor: np.float32
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def pick_row(image, planes, y, choice, good, offset, background, amplitude, sigma, status):  # type: ignore[no-untyped-def]
     """Fill one image row of offset, background, amplitude, sigma and status from the window that fits best.
 
@@ -56,14 +57,14 @@ def pick_row(image, planes, y, choice, good, offset, background, amplitude, sigm
     known(offset, choice.step_rad, status)
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def copy_row(source, target):  # type: ignore[no-untyped-def]
     """Copy of a row; the compiler copies a slice several times slower."""
     for x in range(target.size):
         target[x] = source[x]
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def best_numbers(variance, y, first, choice, good, key, number):  # type: ignore[no-untyped-def]
     """Number 1 to 15 of the shifted window that fits best, 0 for the centred one; ``key`` is room for a row."""
     key[:] = LAST_KEY
@@ -87,7 +88,7 @@ def numbered(variance, number):  # type: ignore[no-untyped-def]
     return np.int32((np.float32(variance).view(np.int32) & ~NUMBERS) | number).view(np.float32)
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def challenge(far_left, left, here, right, far_right, centre, first, key):  # type: ignore[no-untyped-def]
     """Smallest penalised variance so far and of five windows of one row, each numbered."""
     for x in range(key.size):
@@ -99,7 +100,7 @@ def challenge(far_left, left, here, right, far_right, centre, first, key):  # ty
         key[x] = min(key[x], min(min(key_0, key_1), min(key_2, min(key_3, key_4))))
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def take_shifted(planes, y, first, choice, number, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
     """Where a shifted window is chosen, carry its phase to the pixel along its slopes."""
     flat = planes.reshape((planes.shape[0], planes.shape[1] * planes.shape[2]))
@@ -121,7 +122,7 @@ def take_shifted(planes, y, first, choice, number, offset, background, amplitude
                 background[x], amplitude[x], variance[x] = backgrounds[at], amplitudes[at], variances[at]
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def judge(image, amplitude, variance, smallest, ratio, status):  # type: ignore[no-untyped-def]
     """Status of each pixel: dark or saturated where the amplitude is small beside the noise."""
     for x in range(status.size):
@@ -130,7 +131,7 @@ def judge(image, amplitude, variance, smallest, ratio, status):  # type: ignore[
         status[x] = OK if amplitude[x] > limit else unlit
 
 
-@njit(**FAST)
+@njit(**ROW_FAST)
 def phase_noise(amplitude, factor, sigma):  # type: ignore[no-untyped-def]
     """Variance of the residual into the standard deviation of the phase."""
     for x in range(sigma.size):
