@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.angles import NAN_SAFE
-from moire_sensor.apart import ROW
+from moire_sensor.apart import ROW, ROW_FAST
 from moire_sensor.box_sums import box_sum
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_surface import along_surface
@@ -32,9 +32,9 @@ FOREIGN_SHARE = np.float32(0.35)
 SURE_PX = 0.1
 SAMPLE_PX = 7
 # Standard deviation by mean magnitude, of a normal distribution.
-SIGMA_OF_MEAN = float(np.sqrt(np.pi / 2.0))
+SIGMA_OF_MEAN = np.float32(np.sqrt(np.pi / 2.0))
 # What the disparities of the former round add, averaged along the surface: 1.23 to 1.42 on the analytic scenes.
-ROUNDS_SIGMA = 1.3
+ROUNDS_SIGMA = np.float32(1.3)
 # Windows, columns and rows, in which two views may not look different: phase steps resolve single rows.
 MISFIT_WINDOW, ROW_WINDOW = (5, 3), (5, 1)
 
@@ -56,7 +56,8 @@ def right_as_left(right: Float32, disparity_px: Float32, phases: tuple[PhaseImag
     left_phase, right_phase = phases
     gain = np.median(left_phase.amplitude[rows, columns] / np.maximum(right_phase.amplitude[rows, seen], 1.0))
     shift = np.median(left_phase.background[rows, columns] - gain * right_phase.background[rows, seen])
-    return np.asarray(right * np.float32(gain) + np.float32(shift))
+    scaled = np.multiply(right, np.float32(gain))
+    return np.add(scaled, np.float32(shift), out=scaled)
 
 
 def match_greys(
@@ -83,10 +84,11 @@ def match_greys(
     power, met, apart = (np.empty_like(amplitude) for _ in range(3))
     known = np.count_nonzero(disparity == disparity)
     for number in range(1, ROUNDS_ON_TEXTURE + 1):
-        disparity = along_surface(disparity, half_width, settings.half_height_grey_px)
-        compare(*greys, disparity, amplitude, noise, power, met, apart)
+        smooth = along_surface(disparity, half_width, settings.half_height_grey_px)
+        compare(*greys, smooth, amplitude, noise, power, met, apart)
         power_sum = box_sum(power, window)
-        moving = move(disparity, power_sum, box_sum(met, window), enough, disparity)
+        disparity = np.empty_like(smooth)
+        moving = move(smooth, power_sum, box_sum(met, window), enough, disparity)
         if number == ROUNDS and moving <= MOVING_SHARE * known:
             break
     sigma = sigma_of(apart, power_sum, window, float(enough))
@@ -96,9 +98,25 @@ def match_greys(
 
 def sigma_of(apart: Float32, power_sum: Float32, window: tuple[int, int], enough: float) -> Float32:
     """Predicted standard deviation (H, W) of a disparity, pixels, from what the window leaves unexplained."""
-    known = box_sum((apart > 0.0).astype(np.float32), window)
-    noise = np.float32(SIGMA_OF_MEAN) * box_sum(apart, window) / np.maximum(known, np.float32(1.0))
-    return np.asarray(np.float32(ROUNDS_SIGMA) * noise / np.sqrt(np.maximum(power_sum, np.float32(enough))))
+    known, sigma = np.empty_like(apart), np.empty_like(apart)
+    cv2.threshold(apart, 0.0, 1.0, cv2.THRESH_BINARY, dst=known)
+    fill_sigma(box_sum(apart, window), box_sum(known, window), power_sum, np.float32(enough), sigma)
+    return sigma
+
+
+@njit(parallel=True, cache=True)
+def fill_sigma(apart, known, power, enough, sigma):  # type: ignore[no-untyped-def]
+    """Fill ``sigma`` (H, W) from sums over windows: differences, pixels that have one, and squared slopes."""
+    for y in prange(sigma.shape[0]):
+        sigma_row(apart[y], known[y], power[y], enough, sigma[y])
+
+
+@njit(**ROW_FAST)
+def sigma_row(apart, known, power, enough, sigma):  # type: ignore[no-untyped-def]
+    """One row of :func:`fill_sigma`."""
+    for x in range(sigma.size):
+        noise = SIGMA_OF_MEAN * apart[x] / max(known[x], np.float32(1.0))
+        sigma[x] = ROUNDS_SIGMA * noise / np.sqrt(max(power[x], enough))
 
 
 def check_greys(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, settings: Settings) -> None:
@@ -160,19 +178,26 @@ def compare_row(left, right, disparity, amplitude, noise, power, met, apart):  #
         apart[x] = distance if known else np.float32(0.0)
 
 
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+@njit(parallel=True, cache=True)
 def move(disparity, power, met, enough, moved):  # type: ignore[no-untyped-def]
-    """Fill ``moved`` (H, W; may be ``disparity``) with the disparity that removes the difference of the window.
+    """Fill ``moved`` (H, W) with the disparity that removes the difference of the window.
 
     Returns how many pixels with a disparity it moves far.
     """
-    height, width = disparity.shape
     far = np.int64(0)
-    for y in prange(height):
-        for x in range(width):
-            step = met[y, x] / max(power[y, x], enough)
-            step = min(max(step, -LARGEST_STEP_PX), LARGEST_STEP_PX)
-            step = step if power[y, x] > enough else np.float32(0.0)
-            moved[y, x] = disparity[y, x] + step
-            far += abs(step) > FAR_STEP_PX and disparity[y, x] == disparity[y, x]
+    for y in prange(disparity.shape[0]):
+        far += move_row(disparity[y], power[y], met[y], enough, moved[y])
+    return far
+
+
+@njit(**ROW)
+def move_row(disparity, power, met, enough, moved):  # type: ignore[no-untyped-def]
+    """One row of :func:`move`."""
+    far = np.int32(0)
+    for x in range(disparity.size):
+        step = met[x] / max(power[x], enough)
+        step = min(max(step, -LARGEST_STEP_PX), LARGEST_STEP_PX)
+        step = step if power[x] > enough else np.float32(0.0)
+        moved[x] = disparity[x] + step
+        far += np.int32((abs(step) > FAR_STEP_PX) & (disparity[x] == disparity[x]))
     return far
