@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE
 from moire_sensor.apart import ROW, ROW_FAST
 from moire_sensor.box_sums import box_sum
 from moire_sensor.depth_refine import Match

@@ -18,7 +18,6 @@ from moire_sensor.settings import Settings
 from moire_sensor.shot import UNKNOWN_ORDER
 
 
-
 @dataclass(frozen=True, eq=False)
 class Match:
     """Disparity of every left pixel, arrays (H, W) float32, NaN where there is none.

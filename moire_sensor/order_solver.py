@@ -1,4 +1,8 @@
-"""The fringe order of every pixel: what each candidate costs, and which ones neighbours agree on."""
+"""The fringe order of every pixel: what each candidate costs, and which ones neighbours agree on.
+
+Both may be asked for some rows only; those between continue the surfaces above and below (the paper's own way to be
+faster, its conclusion).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from numba import get_num_threads
 from moire_sensor.order_cost import OrderCosts
 from moire_sensor.order_path import OrderPaths
 from moire_sensor.order_range import OrderRange
+from moire_sensor.order_rows import fill_rows
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
@@ -18,7 +23,7 @@ Int8 = npt.NDArray[np.int8]
 
 
 class OrderSolver:
-    """Chooses among the candidate orders; its results last until another solver of the thread works.
+    """Chooses among the candidate orders.
 
     Parameters
     ----------
@@ -35,15 +40,18 @@ class OrderSolver:
         self._labels, self._jump_cost = orders.count, jump_cost
         self._runner_up: Int8 = np.full((1, 1), -1, dtype=np.int8)
 
-    @property
-    def _paths(self) -> OrderPaths:
+    def _paths(self, row_step: int) -> OrderPaths:
         """The programmes' memory, shared in the thread."""
         height, width = self._shape
-        key = ("paths", self._shape, self._labels, self._jump_cost, get_num_threads())
-        return scratch(key, lambda: OrderPaths((width, height), self._labels, self._jump_cost))
+        key = ("paths", self._shape, self._labels, self._jump_cost, row_step, get_num_threads())
+        return scratch(key, lambda: OrderPaths((width, height), self._labels, self._jump_cost, row_step))
 
     def solve(
-        self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], shading_rad: float
+        self,
+        phases: tuple[PhaseImage, PhaseImage],
+        greys: tuple[Float32, Float32],
+        shading_rad: float,
+        row_step: int,
     ) -> tuple[Int8, Float32]:
         """Return the cheapest label (H, W) int8, -1 where the phase is unknown, and by how much the next costs more.
 
@@ -51,10 +59,14 @@ class OrderSolver:
         ----------
         phases, greys : of the left and right camera, (H, W).
         shading_rad : mismatch of phases that shading explains, radians.
+        row_step : only every so manieth row is solved, those between continue it.
         """
-        paths = self._paths
-        self._costs.fill(phases, greys, shading_rad, paths.cost)
-        label, self._runner_up, margin = paths.solve(phases[0].offset_rad)
+        paths = self._paths(row_step)
+        self._costs.fill(phases, greys, shading_rad, paths.cost, row_step)
+        some_rows = paths.solve(phases[0].offset_rad)
+        label, self._runner_up = np.empty((2, *self._shape), dtype=np.int8)
+        margin = np.empty(self._shape, dtype=np.float32)
+        fill_rows(phases[0].offset_rad, row_step, self._labels, *some_rows, label, self._runner_up, margin)
         return label, margin
 
     def second(self, refused: npt.NDArray[np.bool_]) -> Int8:

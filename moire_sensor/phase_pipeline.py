@@ -31,6 +31,8 @@ from moire_sensor.shot import Shot, Status
 # Mismatch that shading, or motion between the steps, can put between the two phases of one point.
 SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
 RANGE_MARGIN = 0.02
+# Rows of a single shot that are solved, one in so many: its windows take in more. Phase steps see single rows.
+ROW_STEP_SINGLE, ROW_STEP_STEPS = 3, 1
 # Lets the projector steady the start of a match by grey levels where shading moves the phases.
 START_ALIGNMENT_PX = 0.15
 # Runs shorter than this are accidents; from one window of a period, those shorter than this share of it.
@@ -49,6 +51,7 @@ class Way:
     shading_rad : mismatch that shading or motion can put between the two phases of one point.
     settings, max_mismatch_rad : of the least squares; the largest mismatch of a pixel that gets a disparity.
     least_run_px : shorter runs along a row are accidents.
+    row_step : the orders of one row in so many are solved, those between continue them.
     """
 
     single: bool
@@ -56,6 +59,7 @@ class Way:
     settings: Settings
     max_mismatch_rad: float
     least_run_px: int
+    row_step: int
 
 
 class PhasePipeline:
@@ -90,17 +94,19 @@ class PhasePipeline:
         """The ways of a single shot and of phase steps."""
         settings = self.settings
         least_px = int(SLIVER_PERIODS * (2 * self._carriers[0].half_width_px))
+        row_step = min(ROW_STEP_SINGLE, 2 * settings.half_height_px + 1)
         if not self._by_stereo:
             usual = settings, settings.max_mismatch_rad
-            return Way(True, SHADING_SINGLE_RAD, *usual, least_px), Way(
-                False, SHADING_STEPS_RAD, *usual, SLIVER_PX
+            return (
+                Way(True, SHADING_SINGLE_RAD, *usual, least_px, row_step),
+                Way(False, SHADING_STEPS_RAD, *usual, SLIVER_PX, ROW_STEP_STEPS),
             )
         # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
         starting = replace(settings, alignment_px=min(settings.alignment_px, START_ALIGNMENT_PX))
         strict = replace(settings, alignment_px=0.0), settings.max_mismatch_steps_rad
         return (
-            Way(True, SHADING_SINGLE_RAD, starting, settings.max_mismatch_rad, least_px),
-            Way(False, SHADING_STEPS_RAD, *strict, SLIVER_PX),
+            Way(True, SHADING_SINGLE_RAD, starting, settings.max_mismatch_rad, least_px, row_step),
+            Way(False, SHADING_STEPS_RAD, *strict, SLIVER_PX, ROW_STEP_STEPS),
         )
 
     @property
@@ -141,7 +147,7 @@ class PhasePipeline:
 
     def _depth(self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], way: Way) -> Shot:
         """Choose the orders, let those that are refused give way to the next best, measure, and mend the borders."""
-        label, margin = self._solver.solve(phases, greys, way.shading_rad)
+        label, margin = self._solver.solve(phases, greys, way.shading_rad, way.row_step)
         match = self._refine(label, phases, way)
         greys = (greys[0], right_as_left(greys[1], match.disparity_px, phases))
         refused = (label >= 0) & ~self._unique(match, phases, greys)

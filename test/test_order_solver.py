@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pytest
 from dense_rigs import capture
 
 from moire_sensor.order_range import OrderRange
@@ -52,14 +53,16 @@ def true_labels(phases: tuple[PhaseImage, PhaseImage], depth_m: float) -> Float3
     return np.asarray(np.round(turns) - orders.first, dtype=np.float32)
 
 
-def test_planes_get_their_orders_and_refused_ones_another() -> None:
+@pytest.mark.parametrize("row_step", [1, 3])
+def test_planes_get_their_orders_and_refused_ones_another(row_step: int) -> None:
     """Planes at three depths, one after the other by the same solver; the last one as the first again."""
     projector, carriers, orders = parts()
     solver = OrderSolver(carriers, projector, orders, 0.8)
     for depth_m, name in ((0.6, "plane_600"), (1.5, "plane_1500"), (1.0, "plane_1000"), (0.6, "plane_600")):
         seen = capture(name)
         phases = plane_phases(depth_m)
-        label, margin = solver.solve(phases, (seen.left.astype(np.float32), seen.right.astype(np.float32)), 0.6)
+        greys = seen.left.astype(np.float32), seen.right.astype(np.float32)
+        label, margin = solver.solve(phases, greys, 0.6, row_step)
         known = np.isfinite(phases[0].offset_rad)
         assert (label[~known] == -1).all()
         covisible = known & seen.covisible
