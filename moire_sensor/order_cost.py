@@ -60,9 +60,9 @@ class OrderCosts:
         greys: tuple[Float32, Float32],
         shading_rad: float,
         cost: npt.NDArray[np.uint8],
-        row_step: int = 1,
+        rows: npt.NDArray[np.int64],
     ) -> None:
-        """Fill ``cost`` (>= rows, labels, >= W) in units of 1/85.
+        """Fill ``cost`` (>= n, labels, >= W) in units of 1/85.
 
         0 to 1 by the phases, up to 1 more where grey levels decide between orders; 0.6 where the right camera sees no
         phase, 3 outside the depth range, 0 where the left phase is unknown.
@@ -71,23 +71,23 @@ class OrderCosts:
         ----------
         phases, greys : of the left and right camera, (H, W).
         shading_rad : mismatch up to which the cost hardly rises.
-        row_step : the costs are those of every so manieth row of the image.
+        rows : (n,) rows of the image whose costs are wanted.
         """
         left, right = self._carriers
         fill_costs(
             phases[0].offset_rad, phases[1].offset_rad, phases[0].amplitude, greys[0], greys[1], left.phase_rad,
-            right.phase_rad, right.rad_per_px, self._map, self._first, row_step, self._limits_px,
+            right.phase_rad, right.rad_per_px, self._map, self._first, rows, self._limits_px,
             np.float32(shading_rad), self._row, self._nearest, self._matches, cost,
         )  # fmt: skip
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def fill_costs(  # type: ignore[no-untyped-def]
-    left, right, amplitude, left_i, right_i, left_rad, right_rad, rad_per_px, map_, first, row_step, limits, flat,
+    left, right, amplitude, left_i, right_i, left_rad, right_rad, rad_per_px, map_, first, rows, limits, flat,
     lines, nearest, matches, cost,
 ):  # fmt: skip
-    """Fill ``cost`` (rows, labels, columns) of every ``row_step``-th row, each worker with lines of its own."""
-    height, width = left.shape
+    """Fill ``cost`` (n, labels, columns) of the rows, each worker with lines of its own."""
+    width = left.shape[1]
     workers = nearest.shape[0]
     for number in prange(workers):
         worker = np.int64(number)
@@ -95,8 +95,8 @@ def fill_costs(  # type: ignore[no-untyped-def]
         seen, bound, runner_up = lines[worker, 2], lines[worker, 3, :width], lines[worker, 4, :width]
         scale, px_per_rad, beyond = lines[worker, 5, :width], lines[worker, 6, :width], lines[worker, 7, : width + 1]
         columns, mismatches = matches[worker, 0], matches[worker, 1]
-        for index in range(worker, (height + row_step - 1) // row_step, workers):
-            y = index * row_step
+        for index in range(worker, rows.size, workers):
+            y = rows[index]
             for x in range(width):
                 phase[x] = left_rad[y, x] + left[y, x]
             copy_turns(right[y], seen)

@@ -43,28 +43,27 @@ class OrderPaths:
 
     Parameters
     ----------
-    size : width and height of the image, pixels.
+    rows, width : (n,) the rows of the image that the programmes see, and its width, pixels.
     labels : number of candidate orders, at most 127.
     jump_cost : cost of leaving the surface, in units of a full mismatch.
-    row_step : the programmes see every so manieth row of the image.
 
     Attributes
     ----------
-    cost : (rows, labels, columns) uint8, in 1/85, to be filled before :meth:`solve`. Larger than the rows seen by a
-        margin that the programmes need: fill ``cost[:seen, :, :width]``.
+    cost : (lines, labels, columns) uint8, in 1/85, to be filled before :meth:`solve`. Larger than the rows seen by a
+        margin that the programmes need: fill ``cost[:n, :, :width]``.
     """
 
-    def __init__(self, size: tuple[int, int], labels: int, jump_cost: float, row_step: int = 1) -> None:
-        width, height = size[0], -(-size[1] // row_step)
-        columns, rows = 8 * (width // 8 + 1), 8 * (height // 8 + 1)
-        lanes = min(BLOCK_ROWS, rows)
+    def __init__(self, rows: npt.NDArray[np.int64], width: int, labels: int, jump_cost: float) -> None:
+        height = rows.size
+        columns, lines = 8 * (width // 8 + 1), 8 * (height // 8 + 1)
+        lanes = min(BLOCK_ROWS, lines)
         workers = get_num_threads()
-        self._row_step = row_step
+        self._rows = rows
         self._jump = np.int16(round(float(UNITS) * jump_cost))
-        self.cost = np.zeros((rows, labels, columns), dtype=np.uint8)
-        self._total = np.zeros((rows, labels, columns), dtype=np.int16)
-        self._down = np.full((rows, width), ANEW, dtype=np.int8)
-        self._across = np.full((rows, columns), ANEW, dtype=np.int8)
+        self.cost = np.zeros((lines, labels, columns), dtype=np.uint8)
+        self._total = np.zeros((lines, labels, columns), dtype=np.int16)
+        self._down = np.full((lines, width), ANEW, dtype=np.int8)
+        self._across = np.full((lines, columns), ANEW, dtype=np.int8)
         self._block_cost = np.zeros((workers, columns, labels, lanes), dtype=np.uint8)
         self._block_across = np.zeros((workers, columns, lanes), dtype=np.int8)
         self._block_total = np.full((workers, columns, labels + 3, lanes), NEVER, dtype=np.int16)
@@ -86,31 +85,31 @@ class OrderPaths:
 
         Returns
         -------
-        (rows, W) int8 labels, -1 where the phase is unknown; (rows, W) int8, -1 also where there is one label only;
-        (rows, W) float32, 0 where the phase is unknown. The next call overwrites them.
+        (n, W) int8 labels, -1 where the phase is unknown; (n, W) int8, -1 also where there is one label only;
+        (n, W) float32, 0 where the phase is unknown. The next call overwrites them.
         """
-        fill_steps(offset_rad, self._row_step, self._across, self._down)
+        fill_steps(offset_rad, self._rows, self._across, self._down)
         fill_row_paths(
             self.cost.view(np.uint64), self._across.view(np.uint64), self._block_cost, self._block_cost.view(np.uint64),
             self._block_across, self._block_across.view(np.uint64), self._block_total,
             self._block_total.view(np.uint64), self._block_states, self._jump, self._total.view(np.uint64),
         )  # fmt: skip
         choose_by_columns(
-            self.cost, self._total, self._down, offset_rad, self._row_step, self._stripe_states, self._stripe_ranks,
+            self.cost, self._total, self._down, offset_rad, self._rows, self._stripe_states, self._stripe_ranks,
             self._jump, self._label, self._runner_up, self._margin,
         )  # fmt: skip
         return self._label, self._runner_up, self._margin
 
 
 @njit(parallel=True, cache=True)
-def fill_steps(offset, row_step, across, down):  # type: ignore[no-untyped-def]
+def fill_steps(offset, rows, across, down):  # type: ignore[no-untyped-def]
     """Fill the label steps from every pixel to its left and to its upper neighbour; the image's borders stay ANEW."""
-    height, width = offset.shape
-    for row in prange((height + row_step - 1) // row_step):
-        y = np.int64(row) * row_step
-        steps_between(offset[y, 1:], offset[y, :-1], across[row, 1:width])
-        if y > 0:
-            steps_between(offset[y], offset[y - row_step], down[row])
+    for number in prange(rows.size):
+        line = np.int64(number)
+        here = offset[rows[line]]
+        steps_between(here[1:], here[:-1], across[line, 1 : here.size])
+        if line > 0:
+            steps_between(here, offset[rows[line - 1]], down[line])
 
 
 @njit(parallel=True, cache=True)
@@ -153,7 +152,7 @@ def row_paths(cost, across, states, jump, total):  # type: ignore[no-untyped-def
 
 @njit(parallel=True, cache=True)
 def choose_by_columns(  # type: ignore[no-untyped-def]
-    cost, total, down, offset, row_step, states, ranks, jump, label, runner_up, margin
+    cost, total, down, offset, rows, states, ranks, jump, label, runner_up, margin
 ):
     """Fill the results: the programmes downwards and upwards, a stripe of columns at a time, added to ``total``."""
     width = label.shape[1]
@@ -163,7 +162,7 @@ def choose_by_columns(  # type: ignore[no-untyped-def]
         last = min(first + states.shape[3], width)
         add_downwards(cost, total, down, states[stripe], jump, first, last)
         choose_upwards(
-            cost, total, down, offset, row_step, states[stripe], ranks[stripe], jump, first, last, label, runner_up,
+            cost, total, down, offset, rows, states[stripe], ranks[stripe], jump, first, last, label, runner_up,
             margin,
         )  # fmt: skip
 
@@ -181,7 +180,7 @@ def add_downwards(cost, total, down, states, jump, first, last):  # type: ignore
 
 @njit(cache=True)
 def choose_upwards(  # type: ignore[no-untyped-def]
-    cost, total, down, offset, row_step, states, ranks, jump, first, last, label, runner_up, margin
+    cost, total, down, offset, rows, states, ranks, jump, first, last, label, runner_up, margin
 ):
     """Finish ``total`` with the programme upwards, line by line, and choose; columns first to last - 1."""
     states[:] = NEVER
@@ -192,6 +191,6 @@ def choose_upwards(  # type: ignore[no-untyped-def]
         ranks[:] = NO_RANK
         for candidate in range(cost.shape[1]):
             rank(state[candidate + 1], total[y, candidate, first:last], np.int32(candidate), best, second)
-        known = offset[y * row_step, first:last]
+        known = offset[rows[y], first:last]
         take_best(best, second, known, label[y, first:last], margin[y, first:last])
         take_second(second, known, runner_up[y, first:last])

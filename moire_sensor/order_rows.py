@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.apart import ROW
@@ -11,24 +12,27 @@ from moire_sensor.order_step import ANEW, label_step
 NONE = np.int8(-1)
 
 
+def solved_rows(height: int, step: int) -> npt.NDArray[np.int64]:
+    """Every ``step``-th row (n,) of an image, as far from its first row as from its last."""
+    return np.arange((height - 1) % step // 2, height, step, dtype=np.int64)
+
+
 @njit(parallel=True, cache=True)
 def fill_rows(  # type: ignore[no-untyped-def]
-    offset, row_step, labels, some_label, some_second, some_margin, label, second, margin
+    offset, rows, labels, some_label, some_second, some_margin, label, second, margin
 ):
-    """Fill label, second and margin (H, W) from those of every ``row_step``-th row.
+    """Fill label, second and margin (H, W) from those of the solved ``rows``.
 
     Where the surfaces above and below disagree, the nearer one is the first choice and the other the second, without
     any margin.
     """
-    height = offset.shape[0]
-    for row in prange(height):
+    for row in prange(offset.shape[0]):
         y = np.int64(row)
-        above = y // row_step
-        away = y - above * row_step
-        below = min(above + 1, some_label.shape[0] - 1) if away > 0 else above
-        near, far = (above, below) if 2 * away <= row_step else (below, above)
+        above = max(np.searchsorted(rows, y, side="right") - 1, 0)
+        below = min(above + 1, rows.size - 1) if rows[above] < y else above
+        near, far = (above, below) if y - rows[above] <= rows[below] - y else (below, above)
         between(
-            offset[y], offset[near * row_step], offset[far * row_step], np.int8(labels), some_label[near],
+            offset[y], offset[rows[near]], offset[rows[far]], np.int8(labels), some_label[near],
             some_label[far], some_second[near], some_second[far], some_margin[near], some_margin[far],
             label[y], second[y], margin[y],
         )  # fmt: skip

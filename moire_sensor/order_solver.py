@@ -13,7 +13,7 @@ from numba import get_num_threads
 from moire_sensor.order_cost import OrderCosts
 from moire_sensor.order_path import OrderPaths
 from moire_sensor.order_range import OrderRange
-from moire_sensor.order_rows import fill_rows
+from moire_sensor.order_rows import fill_rows, solved_rows
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
@@ -40,11 +40,10 @@ class OrderSolver:
         self._labels, self._jump_cost = orders.count, jump_cost
         self._runner_up: Int8 = np.full((1, 1), -1, dtype=np.int8)
 
-    def _paths(self, row_step: int) -> OrderPaths:
+    def _paths(self, rows: npt.NDArray[np.int64]) -> OrderPaths:
         """The programmes' memory, shared in the thread."""
-        height, width = self._shape
-        key = ("paths", self._shape, self._labels, self._jump_cost, row_step, get_num_threads())
-        return scratch(key, lambda: OrderPaths((width, height), self._labels, self._jump_cost, row_step))
+        key = ("paths", self._shape, self._labels, self._jump_cost, rows.size, get_num_threads())
+        return scratch(key, lambda: OrderPaths(rows, self._shape[1], self._labels, self._jump_cost))
 
     def solve(
         self,
@@ -61,12 +60,13 @@ class OrderSolver:
         shading_rad : mismatch of phases that shading explains, radians.
         row_step : only every so manieth row is solved, those between continue it.
         """
-        paths = self._paths(row_step)
-        self._costs.fill(phases, greys, shading_rad, paths.cost, row_step)
+        rows = solved_rows(self._shape[0], row_step)
+        paths = self._paths(rows)
+        self._costs.fill(phases, greys, shading_rad, paths.cost, rows)
         some_rows = paths.solve(phases[0].offset_rad)
         label, self._runner_up = np.empty((2, *self._shape), dtype=np.int8)
         margin = np.empty(self._shape, dtype=np.float32)
-        fill_rows(phases[0].offset_rad, row_step, self._labels, *some_rows, label, self._runner_up, margin)
+        fill_rows(phases[0].offset_rad, rows, self._labels, *some_rows, label, self._runner_up, margin)
         return label, margin
 
     def second(self, refused: npt.NDArray[np.bool_]) -> Int8:

@@ -122,7 +122,7 @@ def test_order_costs_equal_the_slow_loop(name: str) -> None:
     # Grey levels near each other, so that they often decide without reaching their limit.
     pair = rng.uniform(90, 130, SMALL[::-1]).astype(np.float32), rng.uniform(90, 130, SMALL[::-1]).astype(np.float32)
     cost = np.zeros((SMALL[1], orders.count, SMALL[0]), dtype=np.uint8)
-    OrderCosts(carriers, projector, orders).fill(phases, pair, 0.6, cost)
+    OrderCosts(carriers, projector, orders).fill(phases, pair, 0.6, cost, np.arange(cost.shape[0]))
     slow = slow_costs(phases, pair, carriers, projector, orders, 0.6)
     assert {UNSEEN_COST, BLOCKED_COST} <= set(np.unique(slow))
     # Two sums are rounded to whole units. Where the nearest pixel, a rival or the border is decided by rounding of a

@@ -47,7 +47,7 @@ def random_costs(seed: int, height: int, width: int, labels: int) -> tuple[UInt8
 
 def paths(cost: UInt8, jump: float = JUMP) -> OrderPaths:
     height, labels, width = cost.shape
-    solver = OrderPaths((width, height), labels, jump)
+    solver = OrderPaths(np.arange(height), width, labels, jump)
     solver.cost[:height, :, :width] = cost
     return solver
 
