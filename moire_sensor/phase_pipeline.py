@@ -31,8 +31,9 @@ from moire_sensor.shot import Shot, Status
 # Mismatch that shading, or motion between the steps, can put between the two phases of one point.
 SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
 RANGE_MARGIN = 0.02
-# Rows of a single shot that are solved, one in so many: its windows take in more. Phase steps see single rows.
-ROW_STEP_SINGLE, ROW_STEP_STEPS = 3, 1
+# Rows of a single shot whose orders are solved, one in so many: its windows take in more, and what goes wrong beside an
+# edge is mended there (depth_border). Phase steps see single rows, and where the projector measures nothing is mended.
+ROW_STEP_SINGLE = 3
 # Lets the projector steady the start of a match by grey levels where shading moves the phases.
 START_ALIGNMENT_PX = 0.15
 # Runs shorter than this are accidents; from one window of a period, those shorter than this share of it.
@@ -94,19 +95,19 @@ class PhasePipeline:
         """The ways of a single shot and of phase steps."""
         settings = self.settings
         least_px = int(SLIVER_PERIODS * (2 * self._carriers[0].half_width_px))
-        row_step = min(ROW_STEP_SINGLE, 2 * settings.half_height_px + 1)
         if not self._by_stereo:
             usual = settings, settings.max_mismatch_rad
             return (
-                Way(True, SHADING_SINGLE_RAD, *usual, least_px, row_step),
-                Way(False, SHADING_STEPS_RAD, *usual, SLIVER_PX, ROW_STEP_STEPS),
+                Way(True, SHADING_SINGLE_RAD, *usual, least_px, 1),
+                Way(False, SHADING_STEPS_RAD, *usual, SLIVER_PX, 1),
             )
         # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
         starting = replace(settings, alignment_px=min(settings.alignment_px, START_ALIGNMENT_PX))
         strict = replace(settings, alignment_px=0.0), settings.max_mismatch_steps_rad
+        row_step = min(ROW_STEP_SINGLE, 2 * settings.half_height_px + 1)
         return (
             Way(True, SHADING_SINGLE_RAD, starting, settings.max_mismatch_rad, least_px, row_step),
-            Way(False, SHADING_STEPS_RAD, *strict, SLIVER_PX, ROW_STEP_STEPS),
+            Way(False, SHADING_STEPS_RAD, *strict, SLIVER_PX, 1),
         )
 
     @property

@@ -7,8 +7,8 @@ import pytest
 from dense_rigs import Array, Float32, capture, dense_shot, sensor, stepped_shot
 
 from moire_sensor import Reconstructor, Shot, StereoRig
-from moire_sensor.phase_pipeline import ROW_STEP_SINGLE
 from moire_sensor.paper_rig import paper_rig
+from moire_sensor.phase_pipeline import ROW_STEP_SINGLE
 from moire_sensor.shot import UNKNOWN_ORDER
 
 SCENE = "spheres"
