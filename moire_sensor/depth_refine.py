@@ -9,7 +9,7 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.angles import NAN_SAFE
-from moire_sensor.depth_refine_row import LISTS, NAN, refine_row
+from moire_sensor.depth_refine_row import LISTS, refine_row
 from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
@@ -82,12 +82,10 @@ def solve_disparity(  # type: ignore[no-untyped-def]
     height, width = label.shape
     for row in prange(height):
         y = np.int64(row)
-        if fresh:
-            disparity[y, :] = sigma[y, :] = signed[y, :] = mismatch[y, :] = NAN
         room = np.empty((LISTS, width), dtype=np.float32)
         refine_row(
             label[y], first, y, left[y], left_sigma[y], left_rad[y], right[y], right_sigma[y], right_rad[y], map_,
-            errors, room, disparity[y], sigma[y], signed[y], mismatch[y],
+            errors, fresh, room, disparity[y], sigma[y], signed[y], mismatch[y],
         )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Least squares of both phases for one row of pixels: every step is a loop over a list of them that has no branch."""
+"""Least squares of both phases for the pixels of one row, all or some: every step is a loop without a branch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from moire_sensor.projector_map import PLAIN, disparity_of_phase, phase_of_dispa
 STEPS = 2
 # Right phases that differ more between neighbours lie on either side of an edge.
 EDGE_RAD = np.float32(0.5)
-NAN, HALF, ONE = np.float32(np.nan), np.float32(0.5), np.float32(1.0)
+NAN, ZERO, HALF, ONE = np.float32(np.nan), np.float32(0.0), np.float32(0.5), np.float32(1.0)
 LEAST_VARIANCE = np.float32(1e-10)
 # Rows of memory that :func:`refine_row` needs.
 LISTS = 12
@@ -20,15 +20,18 @@ LISTS = 12
 
 @njit(**ROW)
 def refine_row(  # type: ignore[no-untyped-def]
-    label, first, y, left, left_sigma, left_rad, right, right_sigma, right_rad, map_, errors, room,
+    label, first, y, left, left_sigma, left_rad, right, right_sigma, right_rad, map_, errors, fresh, room,
     disparity, sigma, signed, mismatch,
 ):  # fmt: skip
-    """Fill the last four (W,) at the pixels with a label; ``room`` is (LISTS, W) float32."""
-    count = list_pixels(label, np.float32(first), left, left_sigma, left_rad, room[0], room[1], room[2])
+    """Fill the last four (W,) at the pixels with a label, if ``fresh`` all; ``room`` is (LISTS, W) float32."""
+    count, offset = label.size, np.float32(first)
+    if fresh:
+        take_all(label, offset, left, left_sigma, left_rad, room[0], room[1], room[2])
+    else:
+        count = take_labelled(label, offset, left, left_sigma, left_rad, room[0], room[1], room[2])
     column, phase, noise, found = room[0, :count], room[1, :count], room[2, :count], room[3, :count]
     seen, along, far_noise, apart = room[4, :count], room[5, :count], room[6, :count], room[7, :count]
-    expected, slope, spread = room[8, :count], room[9, :count], room[10, :count]
-    speed = room[11]
+    expected, slope, spread, speed = room[8, :count], room[9, :count], room[10, :count], room[11]
     speeds(right, right_rad, speed)
     misaligned = errors[1] * (right_rad[1] - right_rad[0])
     place(map_, y, column, phase, found)
@@ -39,16 +42,23 @@ def refine_row(  # type: ignore[no-untyped-def]
             look(right, speed, right_rad, right_sigma, column, found, seen, along, far_noise)
         expect(map_, y, column, found, expected, slope)
         step(phase, expected, seen, slope, along, noise, far_noise, misaligned, errors[0], found, spread)
-    for n in range(count):
-        x = np.int64(column[n])
-        close = abs(apart[n]) <= errors[2]
-        disparity[x] = found[n] if close else NAN
-        sigma[x] = spread[n] if close else NAN
-        signed[x], mismatch[x] = apart[n], abs(apart[n])
+    if fresh:
+        give_all(found, spread, apart, errors[2], disparity, sigma, signed, mismatch)
+    else:
+        give_listed(column, found, spread, apart, errors[2], disparity, sigma, signed, mismatch)
 
 
 @njit(**ROW)
-def list_pixels(label, first, offset, sigma, carrier_rad, column, phase, noise):  # type: ignore[no-untyped-def]
+def take_all(label, first, offset, sigma, carrier_rad, column, phase, noise):  # type: ignore[no-untyped-def]
+    """Fill columns, absolute phases and their noise of a row, phases NaN where there is no label."""
+    for x in range(label.size):
+        column[x], noise[x] = np.float32(np.int32(x)), sigma[x]
+        order = first + np.float32(label[x])
+        phase[x] = carrier_rad[x] + offset[x] + TWO_PI * order if label[x] >= 0 else NAN
+
+
+@njit(**ROW)
+def take_labelled(label, first, offset, sigma, carrier_rad, column, phase, noise):  # type: ignore[no-untyped-def]
     """List columns, absolute phases and their noise of the pixels that have a label; return how many there are."""
     count = 0
     for x in range(label.size):
@@ -59,12 +69,35 @@ def list_pixels(label, first, offset, sigma, carrier_rad, column, phase, noise):
 
 
 @njit(**ROW)
+def give_all(found, spread, apart, most, disparity, sigma, signed, mismatch):  # type: ignore[no-untyped-def]
+    """Fill the results of a row, no disparity where the phases lie further apart than ``most``."""
+    for x in range(found.size):
+        close = abs(apart[x]) <= most
+        disparity[x] = found[x] if close else NAN
+        sigma[x] = spread[x] if close else NAN
+        signed[x] = apart[x]
+        mismatch[x] = abs(apart[x])
+
+
+@njit(**ROW)
+def give_listed(column, found, spread, apart, most, disparity, sigma, signed, mismatch):  # type: ignore[no-untyped-def]
+    """Fill the results of the listed columns, as :func:`give_all`."""
+    for n in range(column.size):
+        x = np.uint32(column[n])
+        close = abs(apart[n]) <= most
+        disparity[x] = found[n] if close else NAN
+        sigma[x] = spread[n] if close else NAN
+        signed[x] = apart[n]
+        mismatch[x] = abs(apart[n])
+
+
+@njit(**ROW)
 def speeds(offset, carrier_rad, speed):  # type: ignore[no-untyped-def]
     """Fill the phase per pixel from each right pixel to the next, the carrier's alone across an edge."""
     speed[speed.size - 1] = NAN
     for x in range(offset.size - 1):
         turn = wrap(offset[x + 1] - offset[x])
-        speed[x] = carrier_rad[x + 1] - carrier_rad[x] + (turn if abs(turn) <= EDGE_RAD else np.float32(0.0))
+        speed[x] = carrier_rad[x + 1] - carrier_rad[x] + (turn if abs(turn) <= EDGE_RAD else ZERO)
 
 
 @njit(**ROW)
@@ -87,7 +120,7 @@ def look(offset, speed, carrier_rad, sigma, column, found, seen, along, noise): 
     last = np.float32(offset.size - 1)
     for n in range(column.size):
         at = column[n] - found[n]
-        inside = at if at > np.float32(0.0) else np.float32(0.0)
+        inside = at if at > ZERO else ZERO
         inside = inside if inside < last else last
         nearest = np.uint32(np.int32(inside + HALF))
         before = np.uint32(np.int32(inside if inside < last - ONE else last - ONE))
