@@ -18,17 +18,15 @@ SPECKLE_STEPS_PER_PX = 8
 NO_STEP = np.int16(-32768)
 
 
-def is_unique(
+def drop_rivals(
     disparity_px: Float32, mismatch_rad: Float32, amplitude: Float32, images: tuple[Float32, Float32]
-) -> npt.NDArray[np.bool_]:
-    """Pixels (H, W) with a disparity whose right pixel no better match of another surface claims."""
-    unique = np.empty(disparity_px.shape, dtype=np.bool_)
-    keep_unique(disparity_px, mismatch_rad, amplitude, *images, unique)
-    return unique
+) -> None:
+    """Set in place to NaN the disparities (H, W) whose right pixel a better match of another surface claims."""
+    keep_unique(disparity_px, mismatch_rad, amplitude, *images)
 
 
 @njit(parallel=True, cache=True)
-def keep_unique(disparity, mismatch, amplitude, left, right, unique):  # type: ignore[no-untyped-def]
+def keep_unique(disparity, mismatch, amplitude, left, right):  # type: ignore[no-untyped-def]
     """Of the left pixels that claim one right pixel from different surfaces only the one that looks like it stays."""
     height, width = disparity.shape
     for row in prange(height):
@@ -46,7 +44,7 @@ def keep_unique(disparity, mismatch, amplitude, left, right, unique):  # type: i
                 disparity, mismatch, amplitude, left, right, y, x, winner[at]
             )):  # fmt: skip
                 claim[at], winner[at] = here, x
-        keep_claims(disparity[y], column, claim, unique[y])
+        keep_claims(column, claim, disparity[y])
 
 
 @njit(**ROW)
@@ -59,10 +57,11 @@ def fill_columns(disparity, column):  # type: ignore[no-untyped-def]
 
 
 @njit(**ROW)
-def keep_claims(disparity, column, claim, unique):  # type: ignore[no-untyped-def]
-    """Fill where a pixel lies on the surface that its right column shows."""
+def keep_claims(column, claim, disparity):  # type: ignore[no-untyped-def]
+    """Set to NaN the disparities of pixels that do not lie on the surface that their right column shows."""
     for x in range(column.size):
-        unique[x] = abs(claim[np.uint32(column[x])] - disparity[x]) <= SAME_SURFACE_PX
+        kept = abs(claim[np.uint32(column[x])] - disparity[x]) <= SAME_SURFACE_PX
+        disparity[x] = disparity[x] if kept else np.float32(np.nan)
 
 
 @njit(inline="always", fastmath=False)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import get_num_threads
+from numba import get_num_threads, njit
 
+from moire_sensor.apart import ROW
 from moire_sensor.order_cost import OrderCosts
 from moire_sensor.order_path import OrderPaths
 from moire_sensor.order_range import OrderRange
@@ -69,8 +70,16 @@ class OrderSolver:
         fill_rows(phases[0].offset_rad, rows, self._labels, *some_rows, label, self._runner_up, margin)
         return label, margin
 
-    def second(self, refused: npt.NDArray[np.bool_]) -> Int8:
-        """Return the second cheapest label (H, W) where the first was refused, -1 elsewhere or where there is none."""
-        # By arithmetic, since a masked copy takes five times as long: -1 has all bits set.
-        second = np.subtract(refused.view(np.int8), 1)
-        return np.bitwise_or(second, self._runner_up, out=second)
+    def second(self, label: Int8, disparity_px: Float32) -> Int8:
+        """Return the second cheapest label (H, W) where the first got no disparity, -1 elsewhere or without one."""
+        second = np.empty_like(label)
+        take_second(label.ravel(), self._runner_up.ravel(), disparity_px.ravel(), second.ravel())
+        return second
+
+
+@njit(cache=True, **ROW)
+def take_second(label, runner_up, disparity, second):  # type: ignore[no-untyped-def]
+    """Fill ``second`` (n,)."""
+    for index in range(second.size):
+        refused = (label[index] >= 0) & (disparity[index] != disparity[index])
+        second[index] = runner_up[index] if refused else np.int8(-1)

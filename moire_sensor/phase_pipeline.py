@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from moire_sensor.depth_border import extend
 from moire_sensor.depth_bridge import bridge
-from moire_sensor.depth_check import drop_slivers, is_unique, without_specks
+from moire_sensor.depth_check import drop_rivals, drop_slivers, without_specks
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
@@ -151,11 +151,10 @@ class PhasePipeline:
         label, margin = self._solver.solve(phases, greys, way.shading_rad, way.row_step)
         match = self._refine(label, phases, way)
         greys = (greys[0], right_as_left(greys[1], match.disparity_px, phases))
-        refused = (label >= 0) & ~self._unique(match, phases, greys)
-        match.disparity_px[refused] = np.nan
-        match = self._refine(self._solver.second(refused), phases, way, match)
+        drop_rivals(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
+        match = self._refine(self._solver.second(label, match.disparity_px), phases, way, match)
         match = self._by_greys(match, phases[0], greys, way.single)
-        match.disparity_px[~self._unique(match, phases, greys)] = np.nan
+        drop_rivals(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
         if self._by_stereo:
             drop_slivers(match.disparity_px, way.least_run_px)
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
@@ -190,12 +189,6 @@ class PhasePipeline:
             return match_greys(match, greys, phase.amplitude, half_width, self.settings)
         check_greys(match, greys, phase.amplitude, self.settings)
         return averaged(match, self.settings.half_mean_steps_px)
-
-    def _unique(
-        self, match: Match, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32]
-    ) -> npt.NDArray[np.bool_]:
-        """Pixels with a match whose right pixel no better match claims."""
-        return is_unique(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
 
     def _views_agree(
         self,

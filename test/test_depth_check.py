@@ -10,7 +10,7 @@ import pytest
 from dense_rigs import Float32, capture, dense_shot, sensor
 
 from moire_sensor import Reconstructor, Status
-from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_slivers, is_unique, without_specks
+from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_rivals, drop_slivers, without_specks
 from moire_sensor.depth_confidence import WEIGHTS, confidence_of
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_views import PATCH_PX, typical_mismatch_rad
@@ -60,8 +60,9 @@ def test_unique_pixels_equal_the_slow_loop() -> None:
                 best = x if other_surface and badness[0] < badness[1] else best
             for x in pixels:
                 expected[y, x] = abs(match.disparity_px[y, best] - match.disparity_px[y, x]) <= 1.0
-    found = is_unique(match.disparity_px, match.mismatch_rad, amplitude, (left, right))
-    np.testing.assert_array_equal(found, expected)
+    found = match.disparity_px.copy()
+    drop_rivals(found, match.mismatch_rad, amplitude, (left, right))
+    np.testing.assert_array_equal(found, np.where(expected, match.disparity_px, np.nan))
     assert 0.1 < expected.mean() < 0.9
 
 

@@ -71,7 +71,7 @@ def test_planes_get_their_orders_and_refused_ones_another(row_step: int) -> None
         np.testing.assert_array_equal(label[aside], true_labels(phases, depth_m)[aside])
         assert np.quantile(margin[aside], 0.01) > 0.5
         refused = known & (np.indices(known.shape).sum(axis=0) % 3 == 0)
-        second = solver.second(refused)
+        second = solver.second(label, np.where(refused, np.nan, 1.0).astype(np.float32))
         assert (second[~refused] == -1).all()
         assert (second[refused] >= 0).all()
         assert (second != label)[refused].all()
