@@ -33,11 +33,11 @@ from moire_sim.render_maths import (
 )
 from moire_sim.scene_file import Scene
 from moire_sim.scene_shapes import sdf_poses
+from moire_sim.surface_kernels import fill_bodies, fill_depth
 
 Array = npt.NDArray[np.float64]
 LEFT_OPTICAL_FRAME = "head_left_optical_frame"
-# The simulator's segmentation holds the body in its lower bits, the link above.
-BODY_BITS = (1 << 24) - 1
+ALBEDO_OF_RED = (np.arange(256) / 255.0).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,8 @@ class GeometryRenderer:
             self._world_from_base: Array = np.asarray(np.linalg.inv(self._link_pose(LEFT_OPTICAL_FRAME)), np.float64)
             self._base_at_rest = self._world_from_base
             self._place(self._head, self._world_from_base)
-            self._placed = [self._add(number, body) for number, body in enumerate(scene.bodies, start=1)]
+            added = {number: self._add(number + 1, scene.bodies[number]) for number in nearest_first(scene.bodies)}
+            self._placed = [placed for _, placed in sorted(added.items())]
             self._poses = [np.eye(4) for _ in scene.bodies]
             albedos = [self._albedo_of(body, placed) for body, placed in zip(scene.bodies, self._placed, strict=True)]
             # The last one is of number -1: what is not of the scene.
@@ -120,6 +121,10 @@ class GeometryRenderer:
         poses = {name: base_from_world @ self._link_pose(name) for name in self._links}
         return {"head_base_link": np.eye(4), **poses}
 
+    def render_views(self, views: Sequence[DeviceView], with_bodies: Sequence[bool]) -> list[Buffers]:
+        """Render several views of now, each with or without the numbers of the bodies."""
+        return [self.render(view, bodies) for view, bodies in zip(views, with_bodies, strict=True)]
+
     def render(self, view: DeviceView, with_bodies: bool = False) -> Buffers:
         """Render depth and albedo, perhaps bodies too, of a device given relative to the left optical frame."""
         device_from_world = view.device_from_left @ np.linalg.inv(self._link_pose(LEFT_OPTICAL_FRAME))
@@ -137,24 +142,24 @@ class GeometryRenderer:
             renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if self._egl else pybullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
+        depth_m = np.empty((height, width))
         # Wheels built without numpy return flat tuples.
-        window = np.asarray(depth, dtype=np.float64).reshape(height, width)
-        z = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * window)
-        known = window < 1.0 - 1e-6
-        bodies = self._numbers(segments, known) if with_bodies or self._egl else None
+        fill_depth(np.asarray(depth, dtype=np.float32).ravel(), NEAR_M, FAR_M, depth_m.ravel())
+        bodies = self._numbers(segments, depth_m) if with_bodies or self._egl else None
         if self._egl and bodies is not None:
             # This renderer shades whatever it is told; the scene knows its albedos.
-            return Buffers(np.where(known, z, np.nan), self._albedos[bodies], bodies)
+            return Buffers(depth_m, self._albedos[bodies], bodies)
         red = np.asarray(colour, dtype=np.uint8).reshape(height, width, 4)[..., 0]
-        return Buffers(np.where(known, z, np.nan), (red / 255.0).astype(np.float32), bodies)
+        return Buffers(depth_m, ALBEDO_OF_RED[red], bodies)
 
-    def _numbers(self, segments: Any, known: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+    def _numbers(self, segments: Any, depth_m: Array) -> npt.NDArray[np.int32]:
         """Numbers (H, W) of the scene's bodies; the head itself, where it is seen, counts as nothing."""
         number_of = np.full(pybullet.getNumBodies(physicsClientId=self._client), -1, dtype=np.int32)
         for number, placed in enumerate(self._placed):
             number_of[list(placed)] = number
-        body = np.asarray(segments, dtype=np.int32).reshape(known.shape) & BODY_BITS
-        return np.where(known, number_of[np.where(known, body, 0)], -1).astype(np.int32)
+        bodies = np.empty(depth_m.shape, dtype=np.int32)
+        fill_bodies(np.asarray(segments, dtype=np.int32).ravel(), number_of, depth_m.ravel(), bodies.ravel())
+        return bodies
 
     def _albedo_of(self, body: Body | LoadedBody, placed: dict[int, Array]) -> float:
         """Albedo 0 to 1 as a picture of 8 bits has it; of what a file colours itself, that of its first visual."""
@@ -227,6 +232,14 @@ class GeometryRenderer:
             return -1
         body: int = pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
         return body
+
+
+def nearest_first(bodies: Sequence[Body | LoadedBody]) -> list[int]:
+    """Numbers of the bodies in the order to draw: what is hidden by something drawn already is not shaded."""
+    away_m = [
+        float(body.vertices_m[:, 2].mean()) if isinstance(body, Body) else float(body.pose[2, 3]) for body in bodies
+    ]
+    return sorted(range(len(bodies)), key=away_m.__getitem__)
 
 
 def as_pose(position_m: Sequence[float], orientation: Sequence[float]) -> Array:
