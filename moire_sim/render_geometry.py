@@ -32,7 +32,6 @@ from moire_sim.render_maths import (
     quaternion,
 )
 from moire_sim.scene_file import Scene
-from moire_sim.scene_shapes import sdf_poses
 from moire_sim.surface_kernels import fill_bodies, fill_depth
 
 Array = npt.NDArray[np.float64]
@@ -72,7 +71,7 @@ class GeometryRenderer:
             added = {number: self._add(number + 1, scene.bodies[number]) for number in nearest_first(scene.bodies)}
             self._placed = [placed for _, placed in sorted(added.items())]
             self._poses = [np.eye(4) for _ in scene.bodies]
-            albedos = [self._albedo_of(body, placed) for body, placed in zip(scene.bodies, self._placed, strict=True)]
+            albedos = [self._albedo_of(body, one) for body, (one, _) in zip(scene.bodies, self._placed, strict=True)]
             # The last one is of number -1: what is not of the scene.
             self._albedos = np.array([*albedos, 0.0], dtype=np.float32)
         except BaseException:
@@ -102,8 +101,8 @@ class GeometryRenderer:
         for number, (body, placed) in enumerate(zip(self._scene.bodies, self._placed, strict=True)):
             if body.motion is not None:
                 self._poses[number] = body.motion.pose(moment.time_s)
-                for one, at_rest in placed.items():
-                    self._place(one, self._poses[number] @ at_rest)
+                one, at_rest = placed
+                self._place(one, self._poses[number] @ at_rest)
 
     def rest_from_left(self) -> tuple[Array, ...]:
         """For each body, what takes points (4, 4) from the left optical frame to where the body is at rest."""
@@ -155,16 +154,16 @@ class GeometryRenderer:
     def _numbers(self, segments: Any, depth_m: Array) -> npt.NDArray[np.int32]:
         """Numbers (H, W) of the scene's bodies; the head itself, where it is seen, counts as nothing."""
         number_of = np.full(pybullet.getNumBodies(physicsClientId=self._client), -1, dtype=np.int32)
-        for number, placed in enumerate(self._placed):
-            number_of[list(placed)] = number
+        for number, (placed, _) in enumerate(self._placed):
+            number_of[placed] = number
         bodies = np.empty(depth_m.shape, dtype=np.int32)
         fill_bodies(np.asarray(segments, dtype=np.int32).ravel(), number_of, depth_m.ravel(), bodies.ravel())
         return bodies
 
-    def _albedo_of(self, body: Body | LoadedBody, placed: dict[int, Array]) -> float:
+    def _albedo_of(self, body: Body | LoadedBody, placed: int) -> float:
         """Albedo 0 to 1 as a picture of 8 bits has it; of what a file colours itself, that of its first visual."""
         if isinstance(body, LoadedBody) and body.kind != "mesh":
-            red = pybullet.getVisualShapeData(next(iter(placed)), physicsClientId=self._client)[0][7][0]
+            red = pybullet.getVisualShapeData(placed, physicsClientId=self._client)[0][7][0]
         else:
             red = body.albedo
         return int(255.0 * float(red)) / 255.0
@@ -187,38 +186,35 @@ class GeometryRenderer:
     def _pose(self, body: int) -> Array:
         return as_pose(*pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client))
 
-    def _add(self, number: int, body: Body | LoadedBody) -> dict[int, Array]:
-        """Add a body of the scene; returns the simulator's bodies that it is made of, with their poses at rest."""
+    def _add(self, number: int, body: Body | LoadedBody) -> tuple[int, Array]:
+        """Add a body of the scene; returns the simulator's number of it, and its pose at rest."""
         if isinstance(body, LoadedBody):
             try:
                 placed = self._load(body)
             except pybullet.error as error:
-                placed = []
+                placed = -1
                 reason = f": {error}".rstrip(".")
             else:
                 reason = ""
-            if not placed or min(placed) < 0:
+            if placed < 0:
                 raise SceneError(
                     f"body {number} of the scene cannot be loaded from {body.path}{reason}; check the file, and the "
                     "meshes that it names"
                 )
-            within = sdf_poses(body.path) if body.kind == "sdf" else [np.eye(4)] * len(placed)
-            poses = {one: body.pose @ own @ self._pose(one) for one, own in zip(placed, within, strict=True)}
-            for one, pose in poses.items():
-                self._place(one, pose)
-            return poses
+            pose = body.pose @ self._pose(placed)
+            self._place(placed, pose)
+            return placed, pose
         # Meshes go through files: vertices passed as arguments are limited in number.
         with tempfile.TemporaryDirectory(prefix="moire_scene_") as folder:
             path = Path(folder) / "body.obj"
             path.write_text(to_obj(body), encoding="ascii")
-            return {self._add_mesh(path, 1.0, body.albedo): np.eye(4)}
+            return self._add_mesh(path, 1.0, body.albedo), np.eye(4)
 
-    def _load(self, body: LoadedBody) -> list[int]:
+    def _load(self, body: LoadedBody) -> int:
         if body.kind == "mesh":
-            return [self._add_mesh(body.path, body.scale, body.albedo)]
-        if body.kind == "urdf":
-            return [pybullet.loadURDF(str(body.path), useFixedBase=True, physicsClientId=self._client)]
-        return list(pybullet.loadSDF(str(body.path), physicsClientId=self._client))
+            return self._add_mesh(body.path, body.scale, body.albedo)
+        number: int = pybullet.loadURDF(str(body.path), useFixedBase=True, physicsClientId=self._client)
+        return number
 
     def _add_mesh(self, path: Path, scale: float, albedo: float) -> int:
         shape = pybullet.createVisualShape(
