@@ -2,83 +2,177 @@
 
 from __future__ import annotations
 
-import cv2
+from typing import NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.edge_find import EdgeRows
+from moire_sensor.edge_candidates import Candidates
+from moire_sensor.edge_find import EdgeRows, Float32
+from moire_sensor.edge_light import fill_light
+from moire_sensor.edge_match import EdgeMatch
 from moire_sensor.edge_noise import Grey
-from moire_sensor.edge_points import EdgePoints
-from moire_sensor.edge_settings import EdgeSettings
-from moire_sensor.rig import Array
+from moire_sensor.edge_points import depth_of, order_of, sigma_of
+from moire_sensor.rig import StereoRig
 from moire_sensor.shot import UNKNOWN_ORDER, Shot, Status
 
 OK, UNLIT, SATURATED = np.uint8(Status.OK), np.uint8(Status.UNLIT), np.uint8(Status.SATURATED)
 OCCLUDED, AMBIGUOUS = np.uint8(Status.OCCLUDED), np.uint8(Status.AMBIGUOUS)
+UNKNOWN, NO_ORDER, ZERO = np.float32(np.nan), np.int16(UNKNOWN_ORDER), np.float32(0.0)
+# Rows are dealt out to lanes with row buffers each.
+LANES = 8
+
+
+class Grid(NamedTuple):
+    """Images (H, W) to be filled, those of :class:`Shot`, and the mismatch of the points of each row one by one."""
+
+    depth_m: Float32
+    depth_sigma_m: Float32
+    disparity_px: Float32
+    fringe_order: npt.NDArray[np.int16]
+    confidence: Float32
+    status: npt.NDArray[np.uint8]
+    background: Float32
+    mismatch_px: Float32
+
+    @classmethod
+    def of(cls, image: Grey, mismatch_px: Float32) -> Grid:
+        """Images for the points of a left image; ``mismatch_px`` (H, E) is memory."""
+        depth, sigma, disparity, confidence, background = (np.empty(image.shape, dtype=np.float32) for _ in range(5))
+        order, status = np.empty(image.shape, dtype=np.int16), np.empty(image.shape, dtype=np.uint8)
+        return cls(depth, sigma, disparity, order, confidence, status, background, mismatch_px)
+
+
+class Limits(NamedTuple):
+    """Where fringes, and trust in a point, end.
+
+    Attributes
+    ----------
+    period_px : columns of a fringe.
+    off_px : mismatch at which confidence has fallen to 0.
+    scale : from grey levels of the image to those of 255.
+    saturated : grey level of a saturated pixel.
+    unlit_below : least difference of grey levels within a fringe.
+    """
+
+    period_px: float
+    off_px: float
+    scale: float
+    saturated: float
+    unlit_below: float
 
 
 def on_left_grid(
-    points: EdgePoints,
+    left: EdgeRows,
+    right: EdgeRows,
+    candidates: Candidates,
+    match: EdgeMatch,
+    keep: npt.NDArray[np.bool_],
     image: Grey,
-    saturation_level: float,
-    edges: EdgeRows,
-    period_px: float,
-    settings: EdgeSettings,
+    limits: Limits,
+    rig: StereoRig,
+    step_rad: float,
+    mismatch_px: Float32,
 ) -> Shot:
-    """Put each point on the left pixel nearest to it; fringes are about ``period_px`` wide."""
-    shape = image.shape
-    depth, sigma, disparity, confidence = (np.empty(shape, dtype=np.float32) for _ in range(4))
-    order, status = np.empty(shape, dtype=np.int16), np.empty(shape, dtype=np.uint8)
-    window = (2 * round(0.5 * period_px) + 1, 1)
-    kernel = np.ones(window[::-1], dtype=np.uint8)
-    scale = 255.0 / saturation_level
-    background = np.asarray(cv2.boxFilter(image, cv2.CV_32F, window), dtype=np.float32)
-    if scale != 1.0:
-        background *= np.float32(scale)
-    first = np.searchsorted(points.row, np.arange(shape[0] + 1))
-    unlit_below = 2.0 * settings.min_amplitude / scale
-    fill_status(
-        image, cv2.dilate(image, kernel), cv2.erode(image, kernel), unlit_below, saturation_level, edges, status
-    )
-    off_px = settings.same_side_periods * period_px
-    place_points(
-        points, points.disparity_px, first, off_px, UNKNOWN_ORDER, depth, sigma, disparity, confidence, order, status
-    )
-    typical_rad = 2.0 * np.pi / period_px * upper_quartile(points.mismatch_px)
-    return Shot(depth, sigma, disparity, order, confidence, status, background, typical_rad)
+    """Put the depth of each correspondence that is kept, equation (9), on the left pixel nearest to it."""
+    grid = Grid.of(image, mismatch_px)
+    lens = rig.fx_px * rig.baseline_m, rig.disparity_at_infinity_px
+    number = np.empty(image.shape[0], dtype=np.int64)
+    fill_rows(left, right, candidates, match, keep, image, limits, lens, step_rad / (2.0 * np.pi), grid, number)
+    typical_rad = 2.0 * np.pi / limits.period_px * upper_quartile(mismatch_px, number)
+    return Shot(*grid[:-1], typical_mismatch_rad=typical_rad)
 
 
-def upper_quartile(values: Array) -> float:
-    """Upper quartile of values (N,); NaN of none."""
-    return float(np.percentile(values, 75.0)) if values.size else float("nan")
+def upper_quartile(rows: Float32, number: npt.NDArray[np.int64]) -> float:
+    """Upper quartile of the first ``number[y]`` values of each row y; NaN of none."""
+    values = np.empty(int(number.sum()), dtype=np.float32)
+    if not values.size:
+        return float("nan")
+    gather(rows, number, values)
+    at = 0.75 * (values.size - 1)
+    below, above = int(at), min(int(at) + 1, values.size - 1)
+    values.partition([below, above])
+    low, high = float(values[below]), float(values[above])
+    return low + (high - low) * (at - below)
 
 
-@njit(parallel=True, cache=True)
-def fill_status(image, brightest, darkest, unlit_below, saturated, edges, status):  # type: ignore[no-untyped-def]
-    """Status (H, W) as it would be without any match."""
-    for row in prange(image.shape[0]):
-        y = np.int64(row)
-        for x in range(image.shape[1]):
-            contrast = np.float32(brightest[y, x]) - np.float32(darkest[y, x])
-            status[y, x] = UNLIT if contrast < unlit_below else AMBIGUOUS
-        for number in range(edges.number[y]):
-            status[y, np.int64(edges.x_px[y, number] + 0.5)] = OCCLUDED
-        for x in range(image.shape[1]):
-            status[y, x] = SATURATED if image[y, x] >= saturated else status[y, x]
+@njit(cache=True)
+def gather(rows, number, values):  # type: ignore[no-untyped-def]
+    """The first values of each row, behind each other."""
+    first = 0
+    for y in range(number.size):
+        values[first : first + number[y]] = rows[y, : number[y]]
+        first += number[y]
 
 
-@njit(parallel=True, cache=True)
-def place_points(  # type: ignore[no-untyped-def]
-    points, disparities, first, off_px, unknown_order, depth, sigma, disparity, confidence, order, status
-):
-    """Fill all images but the background; the points of row y are those from ``first[y]``."""
-    for row in prange(depth.shape[0]):
-        y = np.int64(row)
-        depth[y], sigma[y], disparity[y] = np.nan, np.nan, np.nan
-        confidence[y], order[y] = 0.0, unknown_order
-        for number in range(first[y], first[y + 1]):
-            x = np.int64(points.left_x_px[number] + 0.5)
-            depth[y, x], sigma[y, x] = points.depth_m[number], points.depth_sigma_m[number]
-            disparity[y, x] = disparities[number]
-            confidence[y, x] = max(1.0 - points.mismatch_px[number] / off_px, 0.0)
-            order[y, x], status[y, x] = points.fringe_order[number], OK
+@njit(parallel=True, cache=True, error_model="numpy")
+def fill_rows(left, right, candidates, match, keep, image, limits, lens, step_turns, grid, number):  # type: ignore[no-untyped-def]
+    """Fill the grid, and the number of points in each row."""
+    for lane in prange(LANES):
+        fill_lane(left, right, candidates, match, keep, image, limits, lens, step_turns, grid, number, np.int64(lane))
+
+
+@njit(error_model="numpy")
+def fill_lane(left, right, candidates, match, keep, image, limits, lens, step_turns, grid, number, lane):  # type: ignore[no-untyped-def]
+    """Fill every eighth row of the grid."""
+    width, size = image.shape[1], 2 * np.int64(np.rint(0.5 * limits.period_px)) + 1
+    work = np.empty((5, width + size - 1), dtype=np.float32)
+    contrast = np.empty(width, dtype=np.float32)
+    for y in range(lane, image.shape[0], LANES):
+        fill_light(image[y], size, np.float32(limits.scale), work, grid.background[y], contrast)
+        without_points(image[y], contrast, left.x_px[y, : left.number[y]], limits, grid.status[y])
+        forget(grid.depth_m[y], grid.depth_sigma_m[y], grid.disparity_px[y], grid.confidence[y], grid.fringe_order[y])
+        number[y] = place_points(left, right, candidates, match, keep, limits, lens, step_turns, grid, y)
+
+
+@njit
+def forget(depth, sigma, disparity, confidence, order):  # type: ignore[no-untyped-def]
+    """A row without any point."""
+    for x in range(depth.size):
+        depth[x] = UNKNOWN
+    for x in range(depth.size):
+        sigma[x] = UNKNOWN
+    for x in range(depth.size):
+        disparity[x] = UNKNOWN
+    for x in range(depth.size):
+        confidence[x] = ZERO
+    for x in range(depth.size):
+        order[x] = NO_ORDER
+
+
+@njit
+def without_points(image, contrast, edges_px, limits, status):  # type: ignore[no-untyped-def]
+    """Status of a row as it would be without any match."""
+    unlit_below = np.float32(limits.unlit_below)
+    for x in range(status.size):
+        status[x] = UNLIT if contrast[x] < unlit_below else AMBIGUOUS
+    for edge in range(edges_px.size):
+        status[np.int64(edges_px[edge] + 0.5)] = OCCLUDED
+    for x in range(status.size):
+        status[x] = SATURATED if image[x] >= limits.saturated else status[x]
+
+
+@njit(error_model="numpy")
+def place_points(left, right, candidates, match, keep, limits, lens, step_turns, grid, y):  # type: ignore[no-untyped-def]
+    """Put the points of row y into the grid; their number."""
+    left_x, right_x, columns = left.x_px[y], right.x_px[y], candidates.left_x_px[y]
+    depths, sigmas, disparities = grid.depth_m[y], grid.depth_sigma_m[y], grid.disparity_px[y]
+    confidences, orders, statuses = grid.confidence[y], grid.fringe_order[y], grid.status[y]
+    left_sigma, right_sigma, mismatches = left.sigma_px[y], right.sigma_px[y], grid.mismatch_px[y]
+    half_orders, partner, candidate, kept = candidates.half_order[y], match.partner[y], match.candidate[y], keep[y]
+    number = 0
+    for i in range(left.number[y]):
+        if not kept[i]:
+            continue
+        j, which, x = partner[i], candidate[i], np.int64(left_x[i] + 0.5)
+        disparity = np.float64(left_x[i]) - np.float64(right_x[j])
+        depth = depth_of(disparity, lens)
+        mismatch = abs(np.float64(columns[which, j]) - np.float64(left_x[i]))
+        disparities[x], depths[x] = disparity, depth
+        sigmas[x] = sigma_of(depth, left_sigma[i], right_sigma[j], lens)
+        confidences[x] = max(1.0 - mismatch / limits.off_px, 0.0)
+        orders[x], statuses[x] = order_of(half_orders[which, j], step_turns), OK
+        mismatches[number] = mismatch
+        number += 1
+    return number

@@ -60,7 +60,7 @@ def measure(
         np.empty(first[-1], dtype=np.int64), reals[0], reals[1], np.empty(first[-1], dtype=np.int8),
         np.empty(first[-1], dtype=np.int16), reals[2], reals[3], reals[4],
     )  # fmt: skip
-    lens = (rig.fx_px * rig.baseline_m, rig.disparity_at_infinity_px)
+    lens = rig.fx_px * rig.baseline_m, rig.disparity_at_infinity_px
     measure_rows(left, right, candidates, match, keep, lens, step_rad / (2.0 * np.pi), first, points)
     return points
 
@@ -90,13 +90,29 @@ def measure_edge(left, right, candidates, match, y, i, lens, step_turns, points,
     """Fill point number ``at`` from left edge i of row y."""
     j, number = match.partner[y, i], match.candidate[y, i]
     left_x, right_x = np.float64(left.x_px[y, i]), np.float64(right.x_px[y, j])
-    parallax = left_x - right_x - lens[1]
-    depth = lens[0] / parallax if parallax > 0.0 else np.nan
-    turns = 0.5 * (candidates.half_order[y, j, number] + 0.5) - step_turns
     points.row[at], points.side[at] = y, left.side[y, i]
     points.left_x_px[at], points.right_x_px[at] = left_x, right_x
-    points.fringe_order[at] = np.int16(np.floor(turns + 0.5))
+    points.fringe_order[at] = order_of(candidates.half_order[y, number, j], step_turns)
+    depth = depth_of(left_x - right_x, lens)
     points.depth_m[at] = depth
-    sigma_px = np.sqrt(np.float64(left.sigma_px[y, i]) ** 2 + np.float64(right.sigma_px[y, j]) ** 2)
-    points.depth_sigma_m[at] = depth * depth / lens[0] * sigma_px
-    points.mismatch_px[at] = abs(candidates.left_x_px[y, j, number] - left_x)
+    points.depth_sigma_m[at] = sigma_of(depth, left.sigma_px[y, i], right.sigma_px[y, j], lens)
+    points.mismatch_px[at] = abs(np.float64(candidates.left_x_px[y, number, j]) - left_x)
+
+
+@njit(error_model="numpy", inline="always")
+def depth_of(disparity, lens):  # type: ignore[no-untyped-def]
+    """Equation (9): T f over the disparity, which infinitely far points have some of too."""
+    parallax = disparity - lens[1]
+    return lens[0] / parallax if parallax > 0.0 else np.nan
+
+
+@njit(error_model="numpy", inline="always")
+def sigma_of(depth, left_sigma, right_sigma, lens):  # type: ignore[no-untyped-def]
+    """Standard deviation of a depth, from those of both edges' columns."""
+    return depth * depth / lens[0] * np.sqrt(np.float64(left_sigma) ** 2 + np.float64(right_sigma) ** 2)
+
+
+@njit(error_model="numpy", inline="always")
+def order_of(half_order, step_turns):  # type: ignore[no-untyped-def]
+    """Projector period of an edge: it lies in the middle of a half period of the exposure, the steps' phase off."""
+    return np.int16(np.floor(0.5 * (half_order + 0.5) - step_turns + 0.5))

@@ -7,9 +7,9 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.edge_candidates import Candidates
+from moire_sensor.edge_cost import Rules, alike
 from moire_sensor.edge_find import EdgeRows
-from moire_sensor.edge_match import EdgeMatch, Rules
-from moire_sensor.edge_programme import alike
+from moire_sensor.edge_match import EdgeMatch
 from moire_sensor.edge_settings import EdgeSettings
 
 
@@ -72,10 +72,10 @@ def follow_row(y, source, left, right, candidates, rules, follow_px, match):  # 
         if i < 0 or j < 0 or not rules.farthest <= left_x[i] - right_x[j] <= rules.nearest:
             continue
         if alike(left_side[i], left_height[i], right_side[j], right_height[j], rules):
-            fringe = old_half_order[old, old_candidate[number]]
-            for confirmed in range(columns.shape[1]):
-                near = abs(columns[j, confirmed] - left_x[i]) <= rules.same_side_px
-                if near and half_order[j, confirmed] == fringe:
+            fringe = old_half_order[old_candidate[number], old]
+            for confirmed in range(columns.shape[0]):
+                near = abs(columns[confirmed, j] - left_x[i]) <= rules.same_side_px
+                if near and half_order[confirmed, j] == fringe:
                     partner[i], candidate[i] = j, confirmed
 
 
@@ -104,8 +104,8 @@ def mark_runs(match, number, half_order, min_run, keep):  # type: ignore[no-unty
         for i in range(1, number[y] + 1):
             joined = i < number[y] and partner[i - 1] >= 0 and partner[i] == partner[i - 1] + 1
             if joined:
-                here = half_order[y, partner[i], candidate[i]]
-                joined = abs(here - half_order[y, partner[i - 1], candidate[i - 1]]) == 1
+                here = half_order[y, candidate[i], partner[i]]
+                joined = abs(here - half_order[y, candidate[i - 1], partner[i - 1]]) == 1
             if not joined:
                 if partner[start] >= 0 and i - start >= min_run:
                     keep[y, start:i] = True

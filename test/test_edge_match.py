@@ -9,9 +9,9 @@ import pytest
 from edge_rigs import edge_rows, random_edges
 
 from moire_sensor.edge_candidates import Candidates
+from moire_sensor.edge_cost import NEAR, TIE_BREAK, matching_rules
 from moire_sensor.edge_find import EdgeRows
-from moire_sensor.edge_match import EdgeMatch, match_edges, matching_rules
-from moire_sensor.edge_programme import NEAR, TIE_BREAK
+from moire_sensor.edge_match import EdgeMatch, match_edges
 from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.edge_spread import in_company, spread_rows
 
@@ -23,22 +23,20 @@ SAME_SIDE_PX = 0.072 * PERIOD_PX
 def candidates_at(columns: list[list[list[float]]], orders: list[list[list[int]]] | None = None) -> Candidates:
     """Candidates given row by row, edge by edge."""
     most = max([1, *(len(edge) for row in columns for edge in row)])
-    left_x = np.full((len(columns), max([1, *(len(row) for row in columns)]), most), np.nan, dtype=np.float32)
+    left_x = np.full((len(columns), most, max([1, *(len(row) for row in columns)])), np.nan, dtype=np.float32)
     half_order = np.zeros(left_x.shape, dtype=np.int32)
     for y, row in enumerate(columns):
         for number, edge in enumerate(row):
-            left_x[y, number, : len(edge)] = edge
+            left_x[y, : len(edge), number] = edge
             if orders is not None:
-                half_order[y, number, : len(edge)] = orders[y][number]
+                half_order[y, : len(edge), number] = orders[y][number]
     return Candidates(left_x, half_order)
 
 
 Edges = list[tuple[float, int]]
 
 
-def matched(
-    left: EdgeRows, right: EdgeRows, candidates: Candidates, settings: EdgeSettings | None = None
-) -> EdgeMatch:
+def matched(left: EdgeRows, right: EdgeRows, candidates: Candidates, settings: EdgeSettings | None = None) -> EdgeMatch:
     settings = settings or EdgeSettings()
     return match_edges(left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings), settings.rows)
 
@@ -85,7 +83,7 @@ def cost_of(
 
 @pytest.mark.parametrize("lambda_off", [0.0, 0.4])
 def test_matches_are_those_of_an_exhaustive_search(lambda_off: float) -> None:
-    """Rows of up to five edges, of different numbers, as the kernel takes eight rows at a time."""
+    """Rows of up to five edges, of different numbers."""
     generator = np.random.default_rng(5)
     settings = EdgeSettings(lambda_oc=0.9, lambda_off=lambda_off)
     lefts = [random_edges(generator, 95.0, 150.0, int(generator.integers(0, 6))) for _ in range(150)]
