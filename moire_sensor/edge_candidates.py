@@ -21,12 +21,13 @@ RANGE_MARGIN_PX = 1.0
 
 
 class Candidates(NamedTuple):
-    """Candidate points A, B, C, ... (figure 7) of each right edge, arrays of shape (H, K, E).
+    """Candidate points A, B, C, ... (figure 7) of each right edge.
 
     Attributes
     ----------
-    left_x_px : float32, column of the candidate in the left image; NaN where discarded.
-    half_order : int32, absolute phase over pi, rounded down: -1 up edge of order 0, 0 its down edge, 1...
+    left_x_px : (H, K, E) float32, column of the candidate in the left image; NaN where discarded.
+    half_order : (H, E) int32, absolute phase of the first candidate over pi, rounded down: -1 up edge of order 0, 0 its
+        down edge, 1... It grows by two from each candidate to the next.
     """
 
     left_x_px: Float32
@@ -69,7 +70,7 @@ class CandidateRays:
         """Memory for the candidates of all edges."""
         height, most = edges.x_px.shape
         shape = (height, self.number, most)
-        return Candidates(np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.int32))
+        return Candidates(np.empty(shape, dtype=np.float32), np.empty((height, most), dtype=np.int32))
 
 
 def find_candidates(
@@ -104,37 +105,33 @@ def intersect_lane(right, lane, projector, ends, up_rad, step_rad, candidates): 
     first = np.empty(right.x_px.shape[1], dtype=np.float64)
     for y in range(lane, right.x_px.shape[0], LANES):
         x_px, side = right.x_px[y, : right.number[y]], right.side[y]
-        left_x, half_order = candidates.left_x_px[y], candidates.half_order[y]
-        first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first)
+        left_x = candidates.left_x_px[y]
+        first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, candidates.half_order[y])
         for number in range(left_x.shape[0]):
-            intersect_edges(
-                x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x[number], half_order[number]
-            )
+            intersect_edges(x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x[number])
 
 
 @njit(error_model="numpy")
-def first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first):  # type: ignore[no-untyped-def]
+def first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, half_order):  # type: ignore[no-untyped-def]
     """Least order of a projected edge that the ray of each edge of row y meets between the ends of its range."""
     for edge in range(x_px.size):
         x, edge_rad = np.float64(x_px[edge]), side[edge] * up_rad
         far = phase_on_ray(projector, x, y, ends[0]) + step_rad
         near = phase_on_ray(projector, x, y, ends[1]) + step_rad
         first[edge] = np.ceil((min(far, near) - edge_rad) / TURN)
+        half_order[edge] = np.int32(2.0 * first[edge]) - (edge_rad < 0.0)
 
 
 @njit(error_model="numpy")
-def intersect_edges(  # type: ignore[no-untyped-def]
-    x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x, half_order
-):
+def intersect_edges(x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x):  # type: ignore[no-untyped-def]
     """Candidates of one number of row y: on the ray, the absolute phase is the edge's of order 0 and whole turns."""
     for edge in range(x_px.size):
-        x, edge_rad = np.float64(x_px[edge]), side[edge] * up_rad
-        order = first[edge] + number
-        disparity = disparity_on_ray(projector, x, y, edge_rad + TURN * order - step_rad)
+        x = np.float64(x_px[edge])
+        phase = side[edge] * up_rad + TURN * (first[edge] + number)
+        disparity = disparity_on_ray(projector, x, y, phase - step_rad)
         column = x + disparity
         inside = (ends[0] <= disparity) & (disparity <= ends[1]) & (column >= 0.0) & (column <= ends[2])
         left_x[edge] = column if inside else np.nan
-        half_order[edge] = np.int32(2.0 * order) - (edge_rad < 0.0)
 
 
 @njit(error_model="numpy", inline="always")

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.edge_cost import in_units, match_cost
+from moire_sensor.edge_cost import ENDLESS, in_units, match_cost
 
 # Two columns share an entry of the table of edges: between edges of one side lies an edge of the other, 2 px or more.
 BIN_BITS = np.uint32(1)
@@ -91,16 +91,18 @@ def find_near(columns, right_side, m, reach, x_px, before, candidate, at, first)
 
 
 @njit
-def confirm(column, at, right_height, rules, x_px, height, edge, low, high, added):  # type: ignore[no-untyped-def]
-    """Lower what a match of a right edge adds to J where a left edge from ``low`` to ``high`` confirms its candidate.
+def confirm(column, at, right_height, rules, x_px, height, edge, added):  # type: ignore[no-untyped-def]
+    """Lower what a match of a right edge adds to J where a left edge confirms its candidate.
 
     ``x_px``, ``height`` and ``edge`` are those of its side, ``at`` the first near it; ``added`` (E,) is as for a path.
     """
     reach = np.float32(rules.same_side_px)
-    while x_px[at] <= column + reach:
+    while True:
         away = abs(column - x_px[at])
         higher, lower = max(height[at], right_height), min(height[at], right_height)
-        i = np.int64(edge[at])
-        if away <= reach and higher <= rules.same_height * lower and low <= i < high:
-            added[i] = min(added[i], in_units(match_cost(away, rules)))
-        at += 1
+        counts = (away <= reach) & (higher <= rules.same_height * lower)
+        i = edge[at]
+        added[i] = min(added[i], in_units(match_cost(away, rules)) if counts else ENDLESS)
+        at += np.uint64(1)
+        if not x_px[at] <= column + reach:
+            break

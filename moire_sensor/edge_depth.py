@@ -5,19 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from moire_sensor.edge_candidates import CandidateRays, Candidates, find_candidates, period_px
 from moire_sensor.edge_confirm import Sides
 from moire_sensor.edge_cost import matching_rules
-from moire_sensor.edge_find import EdgeRows, Float32, bright_share, find_edges, room_for_edges
+from moire_sensor.edge_find import EdgeRows, bright_share, find_edges, room_for_edges
 from moire_sensor.edge_grid import Limits, on_left_grid
 from moire_sensor.edge_input import Image, check_image, check_numbers
 from moire_sensor.edge_match import EdgeMatch, match_edges, room_for_matches, room_for_work
 from moire_sensor.edge_points import EdgePoints, measure
 from moire_sensor.edge_programme import Work
 from moire_sensor.edge_settings import EdgeSettings
-from moire_sensor.edge_spread import in_company, spread_rows
+from moire_sensor.edge_spread import spread_rows
 from moire_sensor.pattern import FringePattern
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
@@ -42,17 +41,13 @@ class EdgeRoom:
     candidates: Candidates
     match: EdgeMatch
     work: tuple[Sides, Work]
-    keep: npt.NDArray[np.bool_]
-    mismatch_px: Float32
 
     @classmethod
     def of(cls, image_size: tuple[int, int], rays: CandidateRays) -> EdgeRoom:
         """Memory for images (width, height)."""
         left, right = (room_for_edges(image_size[::-1]) for _ in range(2))
         work = room_for_work(left, right, rays.number, image_size[0])
-        keep = np.empty(left.x_px.shape, dtype=np.bool_)
-        mismatch_px = np.empty(left.x_px.shape, dtype=np.float32)
-        return cls(left, right, rays.room(right), room_for_matches(left), work, keep, mismatch_px)
+        return cls(left, right, rays.room(right), room_for_matches(left), work)
 
 
 class FringeEdges:
@@ -94,7 +89,7 @@ class FringeEdges:
     def measure(self, left: Image, right: Image, first_step: int = 0) -> EdgeShot:
         """Measure depth at the fringe edges of one exposure; see :func:`fringe_edges`."""
         shot, room, step_rad = self._solve(left, right, first_step)
-        points = measure(self.rig, room.left, room.right, room.candidates, room.match, room.keep, step_rad)
+        points = measure(self.rig, room.left, room.right, room.candidates, room.match, step_rad)
         return EdgeShot(points, shot)
 
     def reconstruct(self, left: Image, right: Image, first_step: int = 0) -> Shot:
@@ -111,9 +106,9 @@ class FringeEdges:
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
         self.find((left, right), step_rad, room)
         self.match(room)
-        keep = in_company(room.match, room.left, room.candidates, self.settings.min_run, room.keep)
-        edges = (room.left, room.right, room.candidates, room.match, keep)
-        return on_left_grid(*edges, left, self._limits, self.rig, step_rad, room.mismatch_px), room, step_rad
+        edges = (room.left, room.right, room.candidates, room.match)
+        shot = on_left_grid(*edges, left, self._limits, self.rig, step_rad, self.settings.min_run)
+        return shot, room, step_rad
 
     def find(self, images: tuple[Image, Image], step_rad: float, room: EdgeRoom) -> None:
         """Find the edges of both images, and the candidates of the right ones (section 3.3)."""

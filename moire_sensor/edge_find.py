@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.edge_crossing import DOWN, UP
+from moire_sensor.edge_crossing import DOWN, HALF, UP
 from moire_sensor.edge_noise import Grey, camera_noise
 from moire_sensor.edge_scan import SMOOTHING, scan_rows
 from moire_sensor.edge_settings import EdgeSettings
@@ -19,6 +19,7 @@ Float32 = npt.NDArray[np.float32]
 EDGE_NOISE = float(np.sqrt(1.5 * np.sum(np.square(SMOOTHING))))
 # The share is the same all over the image: some rows tell it well enough.
 SHARE_ROWS = 4
+SHARE_BINS = 1024
 
 
 class EdgeRows(NamedTuple):
@@ -73,7 +74,32 @@ def bright_share(images: Sequence[EdgeRows]) -> float:
     number = 0
     for edges in images:
         number += fill_shares(edges, SHARE_ROWS, room[number:])
-    return float(np.median(room[:number])) if number else 0.5
+    return float(median_share(room[:number])) if number else 0.5
+
+
+@njit(cache=True)
+def median_share(shares):  # type: ignore[no-untyped-def]
+    """Median of numbers (N,) from 0 to 1: those of the bin that holds it are sorted, the others only counted."""
+    counts = np.zeros(SHARE_BINS + 1, dtype=np.int64)
+    for n in range(shares.size):
+        counts[np.int64(shares[n] * SHARE_BINS)] += 1
+    middles = (shares.size - 1) // 2, shares.size // 2
+    below, first = np.int64(0), 0
+    while below + counts[first] <= middles[0]:
+        below += counts[first]
+        first += 1
+    last, reached = first, below + counts[first]
+    while reached <= middles[1]:
+        last += 1
+        reached += counts[last]
+    near = np.empty(reached - below, dtype=np.float32)
+    number = 0
+    for n in range(shares.size):
+        if first <= np.int64(shares[n] * SHARE_BINS) <= last:
+            near[number] = shares[n]
+            number += 1
+    near.sort()
+    return HALF * (near[middles[0] - below] + near[middles[1] - below])
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,18 +14,22 @@ from moire_sensor.edge_light import fill_light
 from moire_sensor.edge_match import EdgeMatch
 from moire_sensor.edge_noise import Grey
 from moire_sensor.edge_points import depth_of, order_of, sigma_of
+from moire_sensor.edge_spread import drop_loners
 from moire_sensor.rig import StereoRig
 from moire_sensor.shot import UNKNOWN_ORDER, Shot, Status
 
 OK, UNLIT, SATURATED = np.uint8(Status.OK), np.uint8(Status.UNLIT), np.uint8(Status.SATURATED)
 OCCLUDED, AMBIGUOUS = np.uint8(Status.OCCLUDED), np.uint8(Status.AMBIGUOUS)
 UNKNOWN, NO_ORDER, ZERO = np.float32(np.nan), np.int16(UNKNOWN_ORDER), np.float32(0.0)
+HALF = np.float32(0.5)
 # Rows are dealt out to lanes with row buffers each.
 LANES = 8
+# Mismatches are counted in shares of the largest.
+BINS = 1024
 
 
 class Grid(NamedTuple):
-    """Images (H, W) to be filled, those of :class:`Shot`, and the mismatch of the points of each row one by one."""
+    """Images (H, W) to be filled, those of :class:`Shot`."""
 
     depth_m: Float32
     depth_sigma_m: Float32
@@ -34,14 +38,13 @@ class Grid(NamedTuple):
     confidence: Float32
     status: npt.NDArray[np.uint8]
     background: Float32
-    mismatch_px: Float32
 
     @classmethod
-    def of(cls, image: Grey, mismatch_px: Float32) -> Grid:
-        """Images for the points of a left image; ``mismatch_px`` (H, E) is memory."""
+    def of(cls, image: Grey) -> Grid:
+        """Memory for the points of a left image."""
         depth, sigma, disparity, confidence, background = (np.empty(image.shape, dtype=np.float32) for _ in range(5))
         order, status = np.empty(image.shape, dtype=np.int16), np.empty(image.shape, dtype=np.uint8)
-        return cls(depth, sigma, disparity, order, confidence, status, background, mismatch_px)
+        return cls(depth, sigma, disparity, order, confidence, status, background)
 
 
 class Limits(NamedTuple):
@@ -68,53 +71,47 @@ def on_left_grid(
     right: EdgeRows,
     candidates: Candidates,
     match: EdgeMatch,
-    keep: npt.NDArray[np.bool_],
     image: Grey,
     limits: Limits,
     rig: StereoRig,
     step_rad: float,
-    mismatch_px: Float32,
+    min_run: int,
 ) -> Shot:
-    """Put the depth of each correspondence that is kept, equation (9), on the left pixel nearest to it."""
-    grid = Grid.of(image, mismatch_px)
+    """Put the depth of each correspondence, equation (9), on the left pixel nearest to it.
+
+    Those in runs of less than ``min_run`` are dropped, from ``match`` too.
+    """
+    grid = Grid.of(image)
     lens = rig.fx_px * rig.baseline_m, rig.disparity_at_infinity_px
-    number = np.empty(image.shape[0], dtype=np.int64)
-    fill_rows(left, right, candidates, match, keep, image, limits, lens, step_rad / (2.0 * np.pi), grid, number)
-    typical_rad = 2.0 * np.pi / limits.period_px * upper_quartile(mismatch_px, number)
-    return Shot(*grid[:-1], typical_mismatch_rad=typical_rad)
-
-
-def upper_quartile(rows: Float32, number: npt.NDArray[np.int64]) -> float:
-    """Upper quartile of the first ``number[y]`` values of each row y; NaN of none."""
-    values = np.empty(int(number.sum()), dtype=np.float32)
-    if not values.size:
-        return float("nan")
-    gather(rows, number, values)
-    at = 0.75 * (values.size - 1)
-    below, above = int(at), min(int(at) + 1, values.size - 1)
-    values.partition([below, above])
-    low, high = float(values[below]), float(values[above])
-    return low + (high - low) * (at - below)
+    counts = np.zeros((LANES, BINS + 1), dtype=np.int64)
+    fill_rows(left, right, candidates, match, min_run, image, limits, lens, step_rad / (2.0 * np.pi), grid, counts)
+    typical_rad = 2.0 * np.pi / limits.period_px * limits.off_px * upper_quartile(counts)
+    return Shot(*grid, typical_mismatch_rad=typical_rad)
 
 
 @njit(cache=True)
-def gather(rows, number, values):  # type: ignore[no-untyped-def]
-    """The first values of each row, behind each other."""
-    first = 0
-    for y in range(number.size):
-        values[first : first + number[y]] = rows[y, : number[y]]
-        first += number[y]
+def upper_quartile(counts):  # type: ignore[no-untyped-def]
+    """Upper quartile of values from 0 to 1, counted in lanes (LANES, BINS + 1); NaN of none."""
+    rank, below = 0.75 * np.sum(counts), 0
+    for n in range(counts.shape[1]):
+        here = np.sum(counts[:, n])
+        if here > 0 and below + here >= rank:
+            return (n + (rank - below) / here) / BINS
+        below += here
+    return np.nan
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
-def fill_rows(left, right, candidates, match, keep, image, limits, lens, step_turns, grid, number):  # type: ignore[no-untyped-def]
-    """Fill the grid, and the number of points in each row."""
+def fill_rows(left, right, candidates, match, min_run, image, limits, lens, step_turns, grid, counts):  # type: ignore[no-untyped-def]
+    """Fill the grid, and count mismatches, as shares of the largest, lane by lane."""
     for lane in prange(LANES):
-        fill_lane(left, right, candidates, match, keep, image, limits, lens, step_turns, grid, number, np.int64(lane))
+        fill_lane(
+            left, right, candidates, match, min_run, image, limits, lens, step_turns, grid, counts, np.int64(lane)
+        )
 
 
 @njit(error_model="numpy")
-def fill_lane(left, right, candidates, match, keep, image, limits, lens, step_turns, grid, number, lane):  # type: ignore[no-untyped-def]
+def fill_lane(left, right, candidates, match, min_run, image, limits, lens, step_turns, grid, counts, lane):  # type: ignore[no-untyped-def]
     """Fill every eighth row of the grid."""
     width, size = image.shape[1], 2 * np.int64(np.rint(0.5 * limits.period_px)) + 1
     work = np.empty((5, width + size - 1), dtype=np.float32)
@@ -123,7 +120,8 @@ def fill_lane(left, right, candidates, match, keep, image, limits, lens, step_tu
         fill_light(image[y], size, np.float32(limits.scale), work, grid.background[y], contrast)
         without_points(image[y], contrast, left.x_px[y, : left.number[y]], limits, grid.status[y])
         forget(grid.depth_m[y], grid.depth_sigma_m[y], grid.disparity_px[y], grid.confidence[y], grid.fringe_order[y])
-        number[y] = place_points(left, right, candidates, match, keep, limits, lens, step_turns, grid, y)
+        drop_loners(match.partner[y], match.candidate[y], candidates.half_order[y], left.number[y], min_run)
+        place_points(left, right, candidates, match, limits, lens, step_turns, grid, counts[lane], y)
 
 
 @njit
@@ -154,25 +152,31 @@ def without_points(image, contrast, edges_px, limits, status):  # type: ignore[n
 
 
 @njit(error_model="numpy")
-def place_points(left, right, candidates, match, keep, limits, lens, step_turns, grid, y):  # type: ignore[no-untyped-def]
-    """Put the points of row y into the grid; their number."""
-    left_x, right_x, columns = left.x_px[y], right.x_px[y], candidates.left_x_px[y]
+def place_points(left, right, candidates, match, limits, lens, step_turns, grid, counts, y):  # type: ignore[no-untyped-def]
+    """Put the points of row y into the grid."""
+    left_x, right_x, columns, half_order = (
+        left.x_px[y],
+        right.x_px[y],
+        candidates.left_x_px[y],
+        candidates.half_order[y],
+    )
     depths, sigmas, disparities = grid.depth_m[y], grid.depth_sigma_m[y], grid.disparity_px[y]
     confidences, orders, statuses = grid.confidence[y], grid.fringe_order[y], grid.status[y]
-    left_sigma, right_sigma, mismatches = left.sigma_px[y], right.sigma_px[y], grid.mismatch_px[y]
-    half_orders, partner, candidate, kept = candidates.half_order[y], match.partner[y], match.candidate[y], keep[y]
-    number = 0
+    left_sigma, right_sigma, partner, candidate = (
+        left.sigma_px[y],
+        right.sigma_px[y],
+        match.partner[y],
+        match.candidate[y],
+    )
     for i in range(left.number[y]):
-        if not kept[i]:
+        if partner[i] < 0:
             continue
-        j, which, x = partner[i], candidate[i], np.int64(left_x[i] + 0.5)
+        j, number, x = partner[i], candidate[i], np.int64(left_x[i] + HALF)
         disparity = np.float64(left_x[i]) - np.float64(right_x[j])
         depth = depth_of(disparity, lens)
-        mismatch = abs(np.float64(columns[which, j]) - np.float64(left_x[i]))
+        off = abs(np.float64(columns[number, j]) - np.float64(left_x[i])) / limits.off_px
         disparities[x], depths[x] = disparity, depth
         sigmas[x] = sigma_of(depth, left_sigma[i], right_sigma[j], lens)
-        confidences[x] = max(1.0 - mismatch / limits.off_px, 0.0)
-        orders[x], statuses[x] = order_of(half_orders[which, j], step_turns), OK
-        mismatches[number] = mismatch
-        number += 1
-    return number
+        confidences[x] = max(1.0 - off, 0.0)
+        orders[x], statuses[x] = order_of(half_order[j] + 2 * number, step_turns), OK
+        counts[min(np.int64(off * BINS), BINS)] += 1

@@ -48,12 +48,11 @@ def measure(
     right: EdgeRows,
     candidates: Candidates,
     match: EdgeMatch,
-    keep: npt.NDArray[np.bool_],
     step_rad: float,
 ) -> EdgePoints:
-    """Depth of the kept correspondences, equation (9)."""
+    """Depth of the correspondences, equation (9)."""
     first = np.zeros(left.number.size + 1, dtype=np.int64)
-    count_kept(keep, left.number, first)
+    count_points(match.partner, left.number, first)
     first = np.cumsum(first)
     reals = np.empty((5, first[-1]))
     points = EdgePoints(
@@ -61,26 +60,26 @@ def measure(
         np.empty(first[-1], dtype=np.int16), reals[2], reals[3], reals[4],
     )  # fmt: skip
     lens = rig.fx_px * rig.baseline_m, rig.disparity_at_infinity_px
-    measure_rows(left, right, candidates, match, keep, lens, step_rad / (2.0 * np.pi), first, points)
+    measure_rows(left, right, candidates, match, lens, step_rad / (2.0 * np.pi), first, points)
     return points
 
 
 @njit(parallel=True, cache=True)
-def count_kept(keep, number, after):  # type: ignore[no-untyped-def]
+def count_points(partner, number, after):  # type: ignore[no-untyped-def]
     """Points of row y in ``after[y + 1]``."""
     for row in prange(number.size):
         y = np.int64(row)
-        after[y + 1] = np.sum(keep[y, : number[y]])
+        after[y + 1] = np.sum(partner[y, : number[y]] >= 0)
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
-def measure_rows(left, right, candidates, match, keep, lens, step_turns, first, points):  # type: ignore[no-untyped-def]
+def measure_rows(left, right, candidates, match, lens, step_turns, first, points):  # type: ignore[no-untyped-def]
     """Fill ``points``, those of row y from ``first[y]``; ``lens`` is T f and the disparity of infinitely far points."""
     for row in prange(left.number.size):
         y = np.int64(row)
         at = first[y]
         for i in range(left.number[y]):
-            if keep[y, i]:
+            if match.partner[y, i] >= 0:
                 measure_edge(left, right, candidates, match, y, i, lens, step_turns, points, at)
                 at += 1
 
@@ -92,7 +91,7 @@ def measure_edge(left, right, candidates, match, y, i, lens, step_turns, points,
     left_x, right_x = np.float64(left.x_px[y, i]), np.float64(right.x_px[y, j])
     points.row[at], points.side[at] = y, left.side[y, i]
     points.left_x_px[at], points.right_x_px[at] = left_x, right_x
-    points.fringe_order[at] = order_of(candidates.half_order[y, number, j], step_turns)
+    points.fringe_order[at] = order_of(candidates.half_order[y, j] + 2 * number, step_turns)
     depth = depth_of(left_x - right_x, lens)
     points.depth_m[at] = depth
     points.depth_sigma_m[at] = sigma_of(depth, left.sigma_px[y, i], right.sigma_px[y, j], lens)

@@ -77,7 +77,7 @@ def solve_row(left, right, candidates, rules, y, sides, work, lane):  # type: ig
         s = side_index(right_side[j])
         for near in range(first[j], first[j + 1]):
             column = columns[candidate[near], j]
-            confirm(column, at[near], right_height[j], rules, x_px[s], height[s], edge[s], low, high, added)
+            confirm(column, np.uint64(at[near]), right_height[j], rules, x_px[s], height[s], edge[s], added)
         run, diagonal = leave_behind(path[low_before:low])
         whole = extend_paths(
             run, diagonal, start, lambda_oc, (j << EDGE_BITS) + low + 1, left_side[low:high], right_side[j],
