@@ -10,12 +10,11 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.edge_find import EdgeRows, Float32
+from moire_sensor.edge_lanes import LANES, lane_rows
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.reference_ray import phase_seen_rad
 
 TURN = 2.0 * np.pi
-# Rows are dealt out to lanes with row buffers each.
-LANES = 8
 # Surfaces at the very end of the depth range keep their edges, which noise moves to and fro.
 RANGE_MARGIN_PX = 1.0
 
@@ -96,14 +95,14 @@ def find_candidates(
 def intersect_rays(right, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
     """Fill ``candidates`` for all right edges; ``up_rad`` is the phase of the up edge of order 0."""
     for lane in prange(LANES):
-        intersect_lane(right, np.int64(lane), projector, ends, up_rad, step_rad, candidates)
+        intersect_lane(right, lane, projector, ends, up_rad, step_rad, candidates)
 
 
 @njit(error_model="numpy")
 def intersect_lane(right, lane, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
-    """Candidates of every eighth row."""
+    """Candidates of the rows of a lane."""
     first = np.empty(right.x_px.shape[1], dtype=np.float64)
-    for y in range(lane, right.x_px.shape[0], LANES):
+    for y in range(*lane_rows(lane, right.x_px.shape[0])):
         x_px, side = right.x_px[y, : right.number[y]], right.side[y]
         left_x = candidates.left_x_px[y]
         first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, candidates.half_order[y])

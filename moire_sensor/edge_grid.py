@@ -10,6 +10,7 @@ from numba import njit, prange
 
 from moire_sensor.edge_candidates import Candidates
 from moire_sensor.edge_find import EdgeRows, Float32
+from moire_sensor.edge_lanes import LANES, lane_rows
 from moire_sensor.edge_light import fill_light
 from moire_sensor.edge_match import EdgeMatch
 from moire_sensor.edge_noise import Grey
@@ -22,8 +23,6 @@ OK, UNLIT, SATURATED = np.uint8(Status.OK), np.uint8(Status.UNLIT), np.uint8(Sta
 OCCLUDED, AMBIGUOUS = np.uint8(Status.OCCLUDED), np.uint8(Status.AMBIGUOUS)
 UNKNOWN, NO_ORDER, ZERO = np.float32(np.nan), np.int16(UNKNOWN_ORDER), np.float32(0.0)
 HALF = np.float32(0.5)
-# Rows are dealt out to lanes with row buffers each.
-LANES = 8
 # Mismatches are counted in shares of the largest.
 BINS = 1024
 
@@ -112,11 +111,11 @@ def fill_rows(left, right, candidates, match, min_run, image, limits, lens, step
 
 @njit(error_model="numpy")
 def fill_lane(left, right, candidates, match, min_run, image, limits, lens, step_turns, grid, counts, lane):  # type: ignore[no-untyped-def]
-    """Fill every eighth row of the grid."""
+    """Fill the rows of a lane."""
     width, size = image.shape[1], 2 * np.int64(np.rint(0.5 * limits.period_px)) + 1
     work = np.empty((5, width + size - 1), dtype=np.float32)
     contrast = np.empty(width, dtype=np.float32)
-    for y in range(lane, image.shape[0], LANES):
+    for y in range(*lane_rows(lane, image.shape[0])):
         fill_light(image[y], size, np.float32(limits.scale), work, grid.background[y], contrast)
         without_points(image[y], contrast, left.x_px[y, : left.number[y]], limits, grid.status[y])
         forget(grid.depth_m[y], grid.depth_sigma_m[y], grid.disparity_px[y], grid.confidence[y], grid.fringe_order[y])

@@ -11,10 +11,9 @@ from moire_sensor.edge_candidates import Candidates
 from moire_sensor.edge_confirm import Sides
 from moire_sensor.edge_cost import Rules
 from moire_sensor.edge_find import EdgeRows
+from moire_sensor.edge_lanes import LANES
 from moire_sensor.edge_programme import MOST_EDGES, Work, match_rows
 
-# Rows are dealt out to lanes with work tables each.
-LANES = 8
 # Edges are two pixels apart.
 WIDEST_PX = 2 * MOST_EDGES
 

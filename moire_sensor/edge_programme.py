@@ -16,6 +16,7 @@ from numba import njit, prange
 
 from moire_sensor.edge_confirm import confirm, find_near, side_index, split_sides
 from moire_sensor.edge_cost import COST, ENDLESS, alike, in_units
+from moire_sensor.edge_lanes import LANES, lane_rows
 
 # A match of i and j has place j 2^12 + i + 1, the start place 0.
 EDGE_BITS = 12
@@ -41,11 +42,13 @@ class Work(NamedTuple):
 
 @njit(parallel=True, cache=True)
 def match_rows(left, right, candidates, rules, every_row, sides, work, partner, candidate):  # type: ignore[no-untyped-def]
-    """Match every ``every_row``-th row; the lanes take turns."""
-    lanes = work.path.shape[0]
-    for index in prange(lanes):
+    """Match every ``every_row``-th row."""
+    for index in prange(LANES):
         lane = np.int64(index)
-        for y in range(every_row // 2 + lane * every_row, left.x_px.shape[0], lanes * every_row):
+        first, behind = lane_rows(lane, left.x_px.shape[0])
+        # The middle rows of blocks of ``every_row`` rows.
+        offset = (every_row // 2 - first) % every_row
+        for y in range(first + offset, behind, every_row):
             end = solve_row(left, right, candidates, rules, y, sides, work, lane)
             trace_back(end, left, right, candidates[y], rules, y, work.previous[lane], partner[y], candidate[y])
 

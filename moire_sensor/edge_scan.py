@@ -10,31 +10,30 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.edge_crossing import mark_edges
+from moire_sensor.edge_lanes import LANES, lane_rows
 
 SMOOTHING = (1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0)
 OUTER, INNER, CENTRE = (np.float32(weight) for weight in SMOOTHING[:3])
 # Smoothing and the parabola of an extremum each reach two pixels to either side.
 BORDER_PX = 4
 ONE = np.float32(1.0)
-# Rows are dealt out to lanes with row buffers each.
-LANES = 8
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def scan_rows(image, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
     """Fill ``edges`` (EdgeRows) from an image whose grey levels times ``scale`` are those of 255."""
     for lane in prange(LANES):
-        scan_lane(image, np.int64(lane), scale, contrast, edge_noise, edges)
+        scan_lane(image, lane, scale, contrast, edge_noise, edges)
 
 
 @njit(error_model="numpy")
 def scan_lane(image, lane, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
-    """Fill every eighth row of the edges."""
+    """Fill the rows of a lane."""
     width, most = image.shape[1], edges.x_px.shape[1]
     smooth, turning = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.uint8)
     turns, extrema = np.empty(width + 1, dtype=np.int32), np.empty(most, dtype=np.int32)
     levels, columns = np.empty((4, most), dtype=np.float32), np.empty((2, most), dtype=np.int32)
-    for y in range(lane, image.shape[0], LANES):
+    for y in range(*lane_rows(lane, image.shape[0])):
         smooth_row(image[y], scale, smooth)
         turns_found = mark_turns(smooth, turning, turns)
         found = mark_extrema(smooth, turns[:turns_found], contrast, extrema)
