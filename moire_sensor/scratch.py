@@ -8,8 +8,8 @@ from collections.abc import Callable, Hashable
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-# The phases of one image size, and the programmes of two numbers of labels.
-KEPT = 3
+# The phases and the borders of one image size, and the programmes of two numbers of labels.
+KEPT = 4
 
 
 class Pools(threading.local):
