@@ -7,24 +7,21 @@ fit in a window of a few pixels, if the right camera can see it there and the pr
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
-import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.angles import NAN_SAFE
-from moire_sensor.depth_offer import NO_CLAIM, RIM_PX, fits, plane_offered, small_difference, taken
+from moire_sensor.depth_offer import RIM_PX, fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
+from moire_sensor.depth_trust import FAR, JUMP_PX, ROW_REACH_PX, Trust
+from moire_sensor.depth_window import BARE, small_difference
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
-JUMP_PX = np.float32(1.0)
 # What the first round gives to a surface lets the second trust its neighbours.
 ROUNDS = 2
-# Only pixels so near to a trusted one are looked at; along the row a plane is carried further, across a shadow.
-REACH_PX, ROW_REACH_PX = 14, 80
 # A pixel leaves its surface only for one that fits better by this share of the amplitude.
 BETTER_SHARE = np.float32(0.03)
 
@@ -36,175 +33,156 @@ def extend(
     projector: ProjectorMap,
     rad_per_px: float,
     settings: Settings,
-) -> Match:
-    """Give the pixels beside edges to the surface they show, or to none.
+) -> None:
+    """Give the pixels beside edges to the surface they show, or to none, in place.
 
     Parameters
     ----------
-    match : disparities, NaN where unknown.
+    match : disparities, NaN where unknown. Pixels given to another surface get the sigma of their row's match and, as
+        mismatch, the difference of grey levels in fringe amplitudes; their signed mismatch is NaN.
     greys : left, and right with the grey levels of the left, (H, W) float32.
     phase : the left phase, whose amplitude and background tell how bright a surface is.
     rad_per_px : how fast the left phase runs along a row, without its sign.
-
-    Returns
-    -------
-    Match
-        Pixels given to another surface have the sigma of their row's match and, as mismatch, the difference of grey
-        levels in fringe amplitudes; their signed mismatch is NaN.
     """
-    before = np.zeros(match.disparity_px.shape, dtype=np.bool_)
+    room = Trust.of(match.disparity_px.shape)
+    limits = np.array([rad_per_px, settings.image_noise, settings.max_border_misfit], dtype=np.float32)
     for _ in range(ROUNDS):
-        trust = trusted(match.disparity_px)
-        result = Match(*(image.copy() for image in match.images()))
+        room.look(match.disparity_px)
         assign(
-            match.disparity_px, trust, near(trust & ~before), claims(match.disparity_px, trust), *greys,
-            phase.background, phase.amplitude, projector.packed(), np.float32(rad_per_px),
-            np.float32(settings.image_noise), np.float32(settings.max_border_misfit), *result.images(),
+            room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
+            phase.background, phase.amplitude, projector.packed(), limits, *match.images(),
         )  # fmt: skip
-        match, before = result, trust
-    return match
 
 
-def near(trust: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Pixels (H, W) within ``REACH_PX`` of a trusted one in both directions."""
-    reach = np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), dtype=np.uint8)
-    return np.asarray(cv2.dilate(trust.view(np.uint8), reach)).view(np.bool_)
-
-
-def trusted(disparity_px: Float32) -> npt.NDArray[np.bool_]:
-    """Pixels (H, W) with a disparity and neither jump nor hole within ``RIM_PX``."""
-    jumps = np.empty(disparity_px.shape, dtype=np.uint8)
-    mark_jumps(disparity_px, jumps)
-    rim = np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), dtype=np.uint8)
-    return np.asarray(cv2.dilate(jumps, rim) == 0)
-
-
-def claims(disparity_px: Float32, trust: npt.NDArray[np.bool_]) -> Float32:
-    """Disparity of the nearest trusted surface that each right pixel shows, (H, W), ``NO_CLAIM`` where none."""
-    claim = np.empty(disparity_px.shape, dtype=np.float32)
-    fill_claims(disparity_px, trust, claim)
-    return claim
-
-
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def mark_jumps(disparity, jumps):  # type: ignore[no-untyped-def]
-    """Fill ``jumps`` (H, W): 1 where a pixel or its right or lower neighbour is unknown or lies on another surface."""
-    height, width = disparity.shape
-    for row in prange(height):
-        y = np.int64(row)
-        below = disparity[min(y + 1, height - 1)]
-        for x in range(width - 1):
-            here = disparity[y, x]
-            near = abs(disparity[y, x + 1] - here) <= JUMP_PX and abs(below[x] - here) <= JUMP_PX
-            jumps[y, x] = 0 if near else 1
-        jumps[y, width - 1] = 0 if abs(below[width - 1] - disparity[y, width - 1]) <= JUMP_PX else 1
-
-
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def fill_claims(disparity, trust, claim):  # type: ignore[no-untyped-def]
-    """Fill ``claim`` (H, W): trusted pixels claim the two right pixels they fall between."""
-    height, width = disparity.shape
-    for y in prange(height):
-        claim[y, :] = NO_CLAIM
-        for x in range(width):
-            if trust[y, x]:
-                left = int(np.floor(np.float32(x) - disparity[y, x]))
-                for column in (left, left + 1):
-                    if 0 <= column < width and claim[y, column] < disparity[y, x]:
-                        claim[y, column] = disparity[y, x]
-
-
-@njit(inline="always", fastmath=False)
-def nearest_in_row(trust, before, after):  # type: ignore[no-untyped-def]
-    """Fill the column of the nearest trusted pixel left and right of every pixel of a row, -1 where there is none."""
-    width = trust.size
-    last = -1
-    for x in range(width):
-        before[x] = last
-        last = x if trust[x] else last
-    last = -1
-    for x in range(width - 1, -1, -1):
-        after[x] = last
-        last = x if trust[x] else last
-
-
-@njit(inline="always", fastmath=False)
-def nearest_in_column(trust, y, x, down):  # type: ignore[no-untyped-def]
-    """Row of the nearest trusted pixel above (down = -1) or below, -1 where there is none in reach."""
-    for away in range(1, REACH_PX + 1):
-        at = y + down * away
-        if at < 0 or at >= trust.shape[0]:
-            return -1
-        if trust[at, x]:
-            return at
-    return -1
-
-
-@njit(inline="always", fastmath=False)
-def neighbour(trust, y, x, side, before, after):  # type: ignore[no-untyped-def]
-    """Trusted pixel left (side 0), right (1), above (2) or below (3), row -1 where none lies in reach."""
+@njit(forceinline=True, **BARE)
+def neighbour(above, below, y, x, side, before, after):  # type: ignore[no-untyped-def]
+    """Trusted pixel left (side 0: column ``before``), right (1: ``after``), above (2) or below (3); row -1: none."""
     y0, x0 = y, x
     if side == 0:
-        x0 = before[x]
+        x0 = before
     elif side == 1:
-        x0 = after[x]
+        x0 = after
+    elif side == 2:
+        y0 = y - np.int64(above[y, x]) if above[y, x] < FAR else -1
     else:
-        y0 = nearest_in_column(trust, y, x, 2 * side - 5)
-    height, width = trust.shape
+        y0 = y + np.int64(below[y, x]) if below[y, x] < FAR else -1
+    height, width = above.shape
     inside = RIM_PX <= x0 < width - RIM_PX and RIM_PX <= y0 < height - RIM_PX
     return (y0, x0) if inside and abs(x0 - x) <= ROW_REACH_PX else (-1, -1)
 
 
-@njit(inline="always", fastmath=False)
-def best_offer(  # type: ignore[no-untyped-def]
-    disparity, trust, y, x, before, after, left, right, background, amplitude, map_, rad_per_px, claim, noise
-):
-    """Of the four planes offered, the one that fits best: difference (inf: none), disparity, variance, amplitude."""
-    best, chosen = np.float32(np.inf), np.float32(np.nan)
-    variance, bright = np.float32(0.0), np.float32(1.0)
+@njit(forceinline=True, **BARE)
+def dimmest(amplitude, above, below, y, x, before, after):  # type: ignore[no-untyped-def]
+    """Least fringe amplitude of the pixel and the trusted ones around it."""
+    bright = max(amplitude[y, x], np.float32(1.0))
     for side in range(4):
-        y0, x0 = neighbour(trust, y, x, side, before, after)
+        y0, x0 = neighbour(above, below, y, x, side, before, after)
+        if y0 >= 0:
+            bright = min(bright, amplitude[y0, x0])
+    return bright
+
+
+@njit(forceinline=True, **BARE)
+def allowed(limits, bright):  # type: ignore[no-untyped-def]
+    """Largest difference in amplitudes that is believed."""
+    return np.float32(2.0) * limits[1] / bright + limits[2]
+
+
+@njit(forceinline=True, **BARE)
+def best_offer(  # type: ignore[no-untyped-def]
+    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own
+):
+    """Of the four planes offered, the one that fits best: difference (inf: none), disparity, variance, amplitude.
+
+    Those that are not allowed, or not better than ``own`` grey levels, are refused, but for none if ``own`` is NaN.
+    """
+    best, chosen = np.float32(np.inf), np.float32(np.nan)
+    variance, bright = np.float32(0.0), max(amplitude[y, x], np.float32(1.0))
+    for side in range(4):
+        y0, x0 = neighbour(above, below, y, x, side, before, after)
         if y0 < 0:
             continue
         offer = plane_offered(disparity, y, x, y0, x0)
         if abs(offer[0] - disparity[y, x]) < JUMP_PX:
             continue
+        shine, limit = amplitude[y0, x0], best
+        if not np.isnan(own):
+            limit = min(limit, allowed(limits, shine), own / shine - BETTER_SHARE)
         moved, difference, doubt = fits(
-            offer, y, x, y0, x0, left, right, background, amplitude, map_, rad_per_px, claim, noise
+            offer, y, x, x0, shine, background[y0, x0], left, right, map_, claim, limits, limit
         )
         if difference < best:
-            best, chosen, variance, bright = difference, moved, doubt, amplitude[y0, x0]
+            best, chosen, variance, bright = difference, moved, doubt, shine
     return best, chosen, variance, bright
+
+
+@njit(forceinline=True, **BARE)
+def own_difference(left, right, claim, y, x, here, largest, enough):  # type: ignore[no-untyped-def]
+    """Difference in grey levels of a pixel where it is, infinite where unknown or another surface is seen there."""
+    if np.isnan(here) or taken(claim, y, x, here):
+        return np.float32(np.inf)
+    flat = np.float32(0.0)
+    return small_difference(left, right, y, x, here, flat, flat, largest, enough, np.float32(np.inf))
+
+
+@njit(forceinline=True, **BARE)
+def judge(  # type: ignore[no-untyped-def]
+    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits,
+    new_disparity, new_sigma, new_signed, new_mismatch,
+):  # fmt: skip
+    """Let a pixel keep, change or lose its surface.
+
+    One that fits better than any other can, whichever gives the scale, is left alone. Only where an offer decides by
+    its amplitude whether the pixel is lost must the best of the bad ones be known.
+    """
+    dim = dimmest(amplitude, above, below, y, x, before, after)
+    bearable = allowed(limits, dim) * dim
+    enough = min(bearable, BETTER_SHARE * dim)
+    here = disparity[y, x]
+    own = own_difference(left, right, claim, y, x, here, np.float32(np.inf), enough)
+    if own <= enough:
+        return
+    unknown = own == np.float32(np.inf)
+    judged = own if unknown or own <= bearable else np.float32(np.nan)
+    best, chosen, variance, bright = best_offer(
+        disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, judged
+    )
+    if not unknown and (best < np.float32(np.inf) or own > bearable):
+        own = own_difference(left, right, claim, y, x, here, bright, np.float32(0.0))
+    own /= bright
+    if best < allowed(limits, bright) and best < own - BETTER_SHARE:
+        new_disparity[y, x], new_sigma[y, x] = chosen, np.sqrt(variance)
+        new_signed[y, x], new_mismatch[y, x] = np.float32(np.nan), best
+    elif own > allowed(limits, bright):
+        new_disparity[y, x] = np.float32(np.nan)
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def assign(  # type: ignore[no-untyped-def]
-    disparity, trust, todo, claim, left, right, background, amplitude, map_, rad_per_px, noise, misfit,
+    trust, near, disparity, above, below, claim, left, right, background, amplitude, map_, limits,
     new_disparity, new_sigma, new_signed, new_mismatch,
-):
-    """Write the new images (H, W; as Match) where a pixel to do that is not trusted changes or loses its surface."""
-    height, width = disparity.shape
-    for row in prange(height):
-        y = np.int64(row)
-        before, after = np.empty(width, dtype=np.int64), np.empty(width, dtype=np.int64)
-        nearest_in_row(trust[y], before, after)
-        for x in range(width):
-            if trust[y, x] or not todo[y, x]:
-                continue
-            best, chosen, variance, bright = best_offer(
-                disparity, trust, y, x, before, after, left, right, background, amplitude, map_, rad_per_px, claim,
-                noise,
-            )  # fmt: skip
-            own, here = np.float32(np.inf), disparity[y, x]
-            if best == np.float32(np.inf):
-                if np.isnan(here):
-                    continue
-                bright = max(amplitude[y, x], np.float32(1.0))
-            allowed = np.float32(2.0) * noise / bright + misfit
-            if not np.isnan(here) and not taken(claim, y, x, here):
-                own = small_difference(left, right, y, x, here, np.float32(0.0), np.float32(0.0), bright) / bright
-            if best < allowed and best < own - BETTER_SHARE:
-                new_disparity[y, x], new_sigma[y, x] = chosen, np.sqrt(variance)
-                new_signed[y, x], new_mismatch[y, x] = np.float32(np.nan), best
-            elif own > allowed:
-                new_disparity[y, x] = np.float32(np.nan)
+):  # fmt: skip
+    """Write the new images (H, W; as Match) where a pixel nearby that is not trusted changes or loses its surface."""
+    height, width = trust.shape
+    for number in prange(height):
+        y = interleaved(np.int64(number), height)
+        start = 0
+        while start < width:
+            end = start
+            while end < width and not trust[y, end]:
+                end += 1
+            after = end if end < width else -1
+            for x in range(start, end):
+                if near[y, x]:
+                    judge(
+                        disparity, above, below, claim, y, x, start - 1, after, left, right, background, amplitude,
+                        map_, limits, new_disparity, new_sigma, new_signed, new_mismatch,
+                    )  # fmt: skip
+            start = end + 1
+
+
+@njit(forceinline=True, **BARE)
+def interleaved(number, height):  # type: ignore[no-untyped-def]
+    """Row of a task: even rows first, so that threads share busy parts of the image."""
+    half = (height + 1) // 2
+    return 2 * number if number < half else 2 * (number - half) + 1

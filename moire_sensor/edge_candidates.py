@@ -10,6 +10,7 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.edge_find import EdgeRows, Float32
+from moire_sensor.edge_lanes import LANES, lane_rows
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.reference_ray import phase_seen_rad
 
@@ -19,12 +20,13 @@ RANGE_MARGIN_PX = 1.0
 
 
 class Candidates(NamedTuple):
-    """Candidate points A, B, C, ... (figure 7) of each right edge, arrays of shape (H, E, K).
+    """Candidate points A, B, C, ... (figure 7) of each right edge.
 
     Attributes
     ----------
-    left_x_px : float32, column of the candidate in the left image; NaN where discarded.
-    half_order : int32, absolute phase over pi, rounded down: -1 up edge of order 0, 0 its down edge, 1...
+    left_x_px : (H, K, E) float32, column of the candidate in the left image; NaN where discarded.
+    half_order : (H, E) int32, absolute phase of the first candidate over pi, rounded down: -1 up edge of order 0, 0 its
+        down edge, 1... It grows by two from each candidate to the next.
     """
 
     left_x_px: Float32
@@ -65,8 +67,9 @@ class CandidateRays:
 
     def room(self, edges: EdgeRows) -> Candidates:
         """Memory for the candidates of all edges."""
-        shape = (*edges.x_px.shape, self.number)
-        return Candidates(np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.int32))
+        height, most = edges.x_px.shape
+        shape = (height, self.number, most)
+        return Candidates(np.empty(shape, dtype=np.float32), np.empty((height, most), dtype=np.int32))
 
 
 def find_candidates(
@@ -91,29 +94,46 @@ def find_candidates(
 @njit(parallel=True, cache=True, error_model="numpy")
 def intersect_rays(right, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
     """Fill ``candidates`` for all right edges; ``up_rad`` is the phase of the up edge of order 0."""
-    for row in prange(right.x_px.shape[0]):
-        intersect_row(right, np.int64(row), projector, ends, up_rad, step_rad, candidates)
+    for lane in prange(LANES):
+        intersect_lane(right, lane, projector, ends, up_rad, step_rad, candidates)
 
 
 @njit(error_model="numpy")
-def intersect_row(right, y, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
-    """Candidates of row y: on the ray of an edge, the absolute phase is the edge's of order 0 and whole turns."""
-    left_x, half_order = candidates.left_x_px[y], candidates.half_order[y]
-    for edge in range(right.number[y]):
-        x, edge_rad = np.float64(right.x_px[y, edge]), right.side[y, edge] * up_rad
+def intersect_lane(right, lane, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
+    """Candidates of the rows of a lane."""
+    first = np.empty(right.x_px.shape[1], dtype=np.float64)
+    for y in range(*lane_rows(lane, right.x_px.shape[0])):
+        x_px, side = right.x_px[y, : right.number[y]], right.side[y]
+        left_x = candidates.left_x_px[y]
+        first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, candidates.half_order[y])
+        for number in range(left_x.shape[0]):
+            intersect_edges(x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x[number])
+
+
+@njit(error_model="numpy")
+def first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, half_order):  # type: ignore[no-untyped-def]
+    """Least order of a projected edge that the ray of each edge of row y meets between the ends of its range."""
+    for edge in range(x_px.size):
+        x, edge_rad = np.float64(x_px[edge]), side[edge] * up_rad
         far = phase_on_ray(projector, x, y, ends[0]) + step_rad
         near = phase_on_ray(projector, x, y, ends[1]) + step_rad
-        order = np.ceil((min(far, near) - edge_rad) / TURN)
-        for number in range(left_x.shape[1]):
-            phase = edge_rad + TURN * (order + number)
-            disparity = disparity_on_ray(projector, x, y, phase - step_rad)
-            column = x + disparity
-            inside = ends[0] <= disparity <= ends[1] and 0.0 <= column <= ends[2]
-            left_x[edge, number] = column if inside else np.nan
-            half_order[edge, number] = np.int32(np.floor(phase / np.pi)) if inside else 0
+        first[edge] = np.ceil((min(far, near) - edge_rad) / TURN)
+        half_order[edge] = np.int32(2.0 * first[edge]) - (edge_rad < 0.0)
 
 
 @njit(error_model="numpy")
+def intersect_edges(x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x):  # type: ignore[no-untyped-def]
+    """Candidates of one number of row y: on the ray, the absolute phase is the edge's of order 0 and whole turns."""
+    for edge in range(x_px.size):
+        x = np.float64(x_px[edge])
+        phase = side[edge] * up_rad + TURN * (first[edge] + number)
+        disparity = disparity_on_ray(projector, x, y, phase - step_rad)
+        column = x + disparity
+        inside = (ends[0] <= disparity) & (disparity <= ends[1]) & (column >= 0.0) & (column <= ends[2])
+        left_x[edge] = column if inside else np.nan
+
+
+@njit(error_model="numpy", inline="always")
 def phase_on_ray(projector, x, y, disparity):  # type: ignore[no-untyped-def]
     """Absolute phase that right pixel (x, y) sees of a point at a disparity: ``phase_seen_rad``."""
     left_x = x + disparity
@@ -122,7 +142,7 @@ def phase_on_ray(projector, x, y, disparity):  # type: ignore[no-untyped-def]
     return projector[8] * above / below + projector[9]
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", inline="always")
 def disparity_on_ray(projector, x, y, phase):  # type: ignore[no-untyped-def]
     """Disparity at which right pixel (x, y) sees an absolute phase, equation (11): ``disparity_on_ray_px``."""
     column = (phase - projector[9]) / projector[8]

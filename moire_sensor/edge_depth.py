@@ -5,17 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from moire_sensor.edge_candidates import CandidateRays, Candidates, find_candidates, period_px
+from moire_sensor.edge_confirm import Sides
+from moire_sensor.edge_cost import matching_rules
 from moire_sensor.edge_find import EdgeRows, bright_share, find_edges, room_for_edges
-from moire_sensor.edge_grid import on_left_grid
+from moire_sensor.edge_grid import Limits, on_left_grid
 from moire_sensor.edge_input import Image, check_image, check_numbers
-from moire_sensor.edge_match import EdgeMatch, match_edges, matching_rules, room_for_matches, room_for_work
+from moire_sensor.edge_match import EdgeMatch, match_edges, room_for_matches, room_for_work
 from moire_sensor.edge_points import EdgePoints, measure
 from moire_sensor.edge_programme import Work
 from moire_sensor.edge_settings import EdgeSettings
-from moire_sensor.edge_spread import in_company, spread_rows
+from moire_sensor.edge_spread import spread_rows
 from moire_sensor.pattern import FringePattern
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
@@ -39,16 +40,14 @@ class EdgeRoom:
     right: EdgeRows
     candidates: Candidates
     match: EdgeMatch
-    work: Work
-    keep: npt.NDArray[np.bool_]
+    work: tuple[Sides, Work]
 
     @classmethod
     def of(cls, image_size: tuple[int, int], rays: CandidateRays) -> EdgeRoom:
         """Memory for images (width, height)."""
         left, right = (room_for_edges(image_size[::-1]) for _ in range(2))
-        work = room_for_work(left, right)
-        keep = np.empty(left.x_px.shape, dtype=np.bool_)
-        return cls(left, right, rays.room(right), room_for_matches(left), work, keep)
+        work = room_for_work(left, right, rays.number, image_size[0])
+        return cls(left, right, rays.room(right), room_for_matches(left), work)
 
 
 class FringeEdges:
@@ -83,9 +82,22 @@ class FringeEdges:
         self._period_px = period_px(projector, *rig.image_size, 0.5 * sum(disparities))
         self._rays = CandidateRays.build(projector, disparities, rig.image_size)
         self._rules = matching_rules(disparities, self._period_px, self.settings)
+        scale, off_px = 255.0 / saturation_level, self.settings.same_side_periods * self._period_px
+        unlit_below = 2.0 * self.settings.min_amplitude / scale
+        self._limits = Limits(self._period_px, off_px, scale, saturation_level, unlit_below)
 
     def measure(self, left: Image, right: Image, first_step: int = 0) -> EdgeShot:
         """Measure depth at the fringe edges of one exposure; see :func:`fringe_edges`."""
+        shot, room, step_rad = self._solve(left, right, first_step)
+        points = measure(self.rig, room.left, room.right, room.candidates, room.match, step_rad)
+        return EdgeShot(points, shot)
+
+    def reconstruct(self, left: Image, right: Image, first_step: int = 0) -> Shot:
+        """The shot of :meth:`measure` alone, which takes less time."""
+        return self._solve(left, right, first_step)[0]
+
+    def _solve(self, left: Image, right: Image, first_step: int) -> tuple[Shot, EdgeRoom, float]:
+        """The shot, what led to it, and the phase added to the pattern."""
         for name, image in (("left", left), ("right", right)):
             check_image(name, image, self.rig)
         # In C order whatever came: the kernels compile anew for every other layout.
@@ -94,10 +106,9 @@ class FringeEdges:
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
         self.find((left, right), step_rad, room)
         self.match(room)
-        keep = in_company(room.match, room.left, room.candidates, self.settings.min_run, room.keep)
-        points = measure(self.rig, room.left, room.right, room.candidates, room.match, keep, step_rad)
-        shot = on_left_grid(points, left, self._saturation_level, room.left, self._period_px, self.settings)
-        return EdgeShot(points, shot)
+        edges = (room.left, room.right, room.candidates, room.match)
+        shot = on_left_grid(*edges, left, self._limits, self.rig, step_rad, self.settings.min_run)
+        return shot, room, step_rad
 
     def find(self, images: tuple[Image, Image], step_rad: float, room: EdgeRoom) -> None:
         """Find the edges of both images, and the candidates of the right ones (section 3.3)."""

@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
+from moire_sensor.edge_crossing import DOWN, HALF, UP
 from moire_sensor.edge_noise import Grey, camera_noise
-from moire_sensor.edge_scan import DOWN, SMOOTHING, UP, scan_rows
+from moire_sensor.edge_scan import SMOOTHING, scan_rows
 from moire_sensor.edge_settings import EdgeSettings
 
 Float32 = npt.NDArray[np.float32]
@@ -17,6 +19,7 @@ Float32 = npt.NDArray[np.float32]
 EDGE_NOISE = float(np.sqrt(1.5 * np.sum(np.square(SMOOTHING))))
 # The share is the same all over the image: some rows tell it well enough.
 SHARE_ROWS = 4
+SHARE_BINS = 1024
 
 
 class EdgeRows(NamedTuple):
@@ -67,13 +70,46 @@ def bright_share(images: Sequence[EdgeRows]) -> float:
     Half for a linear projector; gamma makes the bright half narrower. The median over the fringes, up edge to down
     edge to the next up edge; 0.5 when there are none.
     """
-    shares = []
+    room = np.empty(sum(edges.x_px[::SHARE_ROWS].size for edges in images), dtype=np.float32)
+    number = 0
     for edges in images:
-        most = int(edges.number[::SHARE_ROWS].max(initial=0))
-        x, side = edges.x_px[::SHARE_ROWS, :most], edges.side[::SHARE_ROWS, :most]
-        whole = np.arange(max(most - 2, 0)) < edges.number[::SHARE_ROWS, None] - 2
-        bright = whole & (side[:, :-2] == UP) & (side[:, 1:-1] == DOWN) & (side[:, 2:] == UP)
-        up, down, again = x[:, :-2][bright], x[:, 1:-1][bright], x[:, 2:][bright]
-        shares.append((down - up) / (again - up))
-    together = np.concatenate(shares)
-    return float(np.median(together)) if together.size else 0.5
+        number += fill_shares(edges, SHARE_ROWS, room[number:])
+    return float(median_share(room[:number])) if number else 0.5
+
+
+@njit(cache=True)
+def median_share(shares):  # type: ignore[no-untyped-def]
+    """Median of numbers (N,) from 0 to 1: those of the bin that holds it are sorted, the others only counted."""
+    counts = np.zeros(SHARE_BINS + 1, dtype=np.int64)
+    for n in range(shares.size):
+        counts[np.int64(shares[n] * SHARE_BINS)] += 1
+    middles = (shares.size - 1) // 2, shares.size // 2
+    below, first = np.int64(0), 0
+    while below + counts[first] <= middles[0]:
+        below += counts[first]
+        first += 1
+    last, reached = first, below + counts[first]
+    while reached <= middles[1]:
+        last += 1
+        reached += counts[last]
+    near = np.empty(reached - below, dtype=np.float32)
+    number = 0
+    for n in range(shares.size):
+        if first <= np.int64(shares[n] * SHARE_BINS) <= last:
+            near[number] = shares[n]
+            number += 1
+    near.sort()
+    return HALF * (near[middles[0] - below] + near[middles[1] - below])
+
+
+@njit(cache=True, error_model="numpy")
+def fill_shares(edges, every_row, shares):  # type: ignore[no-untyped-def]
+    """Bright share of each whole fringe of every ``every_row``-th row; their number."""
+    number = np.int64(0)
+    for y in range(0, edges.number.size, every_row):
+        x, side = edges.x_px[y], edges.side[y]
+        for i in range(2, edges.number[y]):
+            up, down, again = x[i - 2], x[i - 1], x[i]
+            shares[number] = (down - up) / (again - up)
+            number += np.int64((side[i - 2] == UP) & (side[i - 1] == DOWN) & (side[i] == UP))
+    return number

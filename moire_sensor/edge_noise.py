@@ -27,15 +27,25 @@ def camera_noise(image: Grey, scale: float = 1.0) -> float:
     """
     counts = np.zeros((LANES, np.iinfo(image.dtype).max + 1), dtype=np.int64)
     count_differences(image, counts)
-    number = counts.sum(axis=0)
-    squares = np.square(scale * np.arange(number.size))
-    inside = np.cumsum(number), np.cumsum(number * squares)
-    last = number.size - 1
-    variance = float(inside[1][last]) / max(int(inside[0][last]), 1)
+    return max(math.sqrt(0.5 * clipped_variance(counts, scale)), QUANTISATION_NOISE)
+
+
+@njit(cache=True)
+def clipped_variance(counts, scale):  # type: ignore[no-untyped-def]
+    """Mean square of the differences counted in lanes, without those beyond three standard deviations."""
+    size = counts.shape[1]
+    number, squares = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.float64)
+    seen, sum_of_squares = 0, 0.0
+    for level in range(size):
+        here = int(np.sum(counts[:, level]))
+        seen += here
+        sum_of_squares += here * (scale * level) ** 2
+        number[level], squares[level] = seen, sum_of_squares
+    variance = sum_of_squares / float(max(seen, 1))
     for _ in range(CLIPPING_ROUNDS):
-        last = min(int(3.0 * math.sqrt(variance) / scale), number.size - 1)
-        variance = CLIPPED_SHARE * float(inside[1][last]) / max(int(inside[0][last]), 1)
-    return max(math.sqrt(0.5 * variance), QUANTISATION_NOISE)
+        last = min(np.int64(3.0 * math.sqrt(variance) / scale), size - 1)
+        variance = CLIPPED_SHARE * squares[last] / max(number[last], 1)
+    return variance
 
 
 @njit(parallel=True, cache=True)

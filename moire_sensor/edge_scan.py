@@ -1,39 +1,46 @@
-"""Kernels of the edge finder: a row of grey levels to its up and down fringe edges, in one go."""
+"""Kernels of the edge finder: a row of grey levels to its up and down fringe edges, in one go.
+
+Loops over whole rows have no branches, so that the processor takes many pixels at once; those with branches run over
+the few columns that the others have found.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
 
-UP, DOWN = 1, -1
+from moire_sensor.edge_crossing import mark_edges
+from moire_sensor.edge_lanes import LANES, lane_rows
+
 SMOOTHING = (1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0)
 OUTER, INNER, CENTRE = (np.float32(weight) for weight in SMOOTHING[:3])
 # Smoothing and the parabola of an extremum each reach two pixels to either side.
 BORDER_PX = 4
-ZERO, HALF, TWO, EIGHT = (np.float32(number) for number in (0.0, 0.5, 2.0, 8.0))
-ENDLESS = np.float32(np.inf)
+ONE = np.float32(1.0)
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def scan_rows(image, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
     """Fill ``edges`` (EdgeRows) from an image whose grey levels times ``scale`` are those of 255."""
-    for y in prange(image.shape[0]):
-        scan_row(image, np.int64(y), scale, contrast, edge_noise, edges)
+    for lane in prange(LANES):
+        scan_lane(image, lane, scale, contrast, edge_noise, edges)
 
 
 @njit(error_model="numpy")
-def scan_row(image, y, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
-    """Fill row y of the edges."""
-    smooth = np.empty(image.shape[1], dtype=np.float32)
-    smooth_row(image[y], scale, smooth)
-    extrema = np.empty(edges.x_px.shape[1], dtype=np.int32)
-    number = mark_extrema(smooth, contrast, extrema)
-    level, drift = np.empty(number, dtype=np.float32), np.empty(number, dtype=np.float32)
-    fill_levels(smooth, extrema[:number], level, drift)
-    edges.number[y] = mark_edges(
-        smooth, extrema[:number], level, drift, edge_noise, edges.x_px[y], edges.side[y], edges.height[y],
-        edges.sigma_px[y],
-    )  # fmt: skip
+def scan_lane(image, lane, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
+    """Fill the rows of a lane."""
+    width, most = image.shape[1], edges.x_px.shape[1]
+    smooth, turning = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.uint8)
+    turns, extrema = np.empty(width + 1, dtype=np.int32), np.empty(most, dtype=np.int32)
+    levels, columns = np.empty((4, most), dtype=np.float32), np.empty((2, most), dtype=np.int32)
+    for y in range(*lane_rows(lane, image.shape[0])):
+        smooth_row(image[y], scale, smooth)
+        turns_found = mark_turns(smooth, turning, turns)
+        found = mark_extrema(smooth, turns[:turns_found], contrast, extrema)
+        edges.number[y] = mark_edges(
+            smooth, extrema[:found], levels, columns, edge_noise, edges.x_px[y], edges.side[y],
+            edges.height[y], edges.sigma_px[y],
+        )  # fmt: skip
 
 
 @njit
@@ -60,112 +67,61 @@ def add_taps(first, second, third, fourth, fifth, scale, target):  # type: ignor
 
 
 @njit
-def mark_extrema(row, contrast, extrema):  # type: ignore[no-untyped-def]
+def mark_turns(row, turning, turns):  # type: ignore[no-untyped-def]
+    """Columns at which a row ends to rise or to fall, its first and its last; their number."""
+    last = row.size - 1
+    find_turns(row[:-2], row[1:-1], row[2:], turning)
+    turns[0] = 0
+    number = 1
+    # Each column is written down and only turns are counted: there is no branch that the processor could guess wrong.
+    for x in range(last - 1):
+        turns[number] = x + 1
+        number += turning[x]
+    turns[number] = last
+    return number + 1
+
+
+@njit
+def find_turns(before, here, after, turning):  # type: ignore[no-untyped-def]
+    """1 where three neighbours rise and then do not, or fall and then do not; else 0."""
+    for x in range(here.size):
+        peak = (here[x] > before[x]) & (after[x] <= here[x])
+        trough = (here[x] < before[x]) & (after[x] >= here[x])
+        turning[x] = peak | trough
+
+
+@njit
+def mark_extrema(row, turns, contrast, extrema):  # type: ignore[no-untyped-def]
     """Peaks and troughs of a row in turn, each ``contrast`` off what is before and behind it; their number.
 
-    Of the first turn nobody knows what came before it.
+    ``turns`` holds all columns that can be one, and both ends of the row. Of the first extremum nobody knows what came
+    before it: it is left out. Troughs are peaks of the negative row.
     """
-    x, rising = first_turn(row, contrast)
-    number = 0
-    while x < row.size:
-        found, x = next_peak(row, x, contrast) if rising else next_trough(row, x, contrast)
-        rising = not rising
-        if x < row.size and BORDER_PX <= found < row.size - BORDER_PX and number < extrema.size:
-            extrema[number] = found
-            number += 1
+    first, sign = first_swing(row, turns, contrast)
+    number = np.int64(0)
+    if first < turns.size:
+        top, level = turns[first], sign * row[turns[first]]
+        for at in range(first + 1, turns.size):
+            x = turns[at]
+            here = sign * row[x]
+            if here > level:
+                top, level = x, here
+            elif here <= level - contrast:
+                extrema[number] = top
+                number += np.int64((top >= BORDER_PX) & (top < row.size - BORDER_PX))
+                top, level, sign = x, -here, -sign
     return number
 
 
 @njit
-def first_turn(row, contrast):  # type: ignore[no-untyped-def]
-    """Column at which a row first lies ``contrast`` off what it reached before, and whether above it."""
+def first_swing(row, turns, contrast):  # type: ignore[no-untyped-def]
+    """Turn at which a row first lies ``contrast`` off what it reached before; 1 where above it, -1 below."""
     top = bottom = row[0]
-    for x in range(1, row.size):
-        top, bottom = max(top, row[x]), min(bottom, row[x])
-        if row[x] <= top - contrast:
-            return x, False
-        if row[x] >= bottom + contrast:
-            return x, True
-    return row.size, True
-
-
-@njit
-def next_peak(row, start, contrast):  # type: ignore[no-untyped-def]
-    """Peak from ``start`` on, and the column at which the row lies ``contrast`` below it; the row's end if nowhere."""
-    top, level = start, row[start]
-    for x in range(start + 1, row.size):
-        if row[x] > level:
-            top, level = x, row[x]
-        elif row[x] <= level - contrast:
-            return top, x
-    return top, row.size
-
-
-@njit
-def next_trough(row, start, contrast):  # type: ignore[no-untyped-def]
-    """Trough from ``start`` on, and the column at which the row lies ``contrast`` above it."""
-    bottom, level = start, row[start]
-    for x in range(start + 1, row.size):
-        if row[x] < level:
-            bottom, level = x, row[x]
-        elif row[x] >= level + contrast:
-            return bottom, x
-    return bottom, row.size
-
-
-@njit(error_model="numpy")
-def fill_levels(row, extrema, level, drift):  # type: ignore[no-untyped-def]
-    """Level of each extremum, and its change per column: along the flatter of the lines to its two likes."""
-    for number in range(extrema.size):
-        level[number] = extremum_level(row, extrema[number])
-    before = ENDLESS, ENDLESS
-    for number in range(extrema.size):
-        rise = ENDLESS
-        if number + 2 < extrema.size:
-            rise = (level[number + 2] - level[number]) / np.float32(extrema[number + 2] - extrema[number])
-        flatter = before[0] if abs(before[0]) <= abs(rise) else rise
-        drift[number] = flatter if flatter < ENDLESS else ZERO
-        before = before[1], rise
-
-
-@njit(error_model="numpy")
-def extremum_level(row, x):  # type: ignore[no-untyped-def]
-    """Grey level at the top of the parabola through an extremum and the samples two pixels off."""
-    tilt = row[x + 2] - row[x - 2]
-    bend = row[x + 2] - TWO * row[x] + row[x - 2]
-    if abs(bend) <= abs(tilt):
-        return row[x]
-    return row[x] - tilt * tilt / (EIGHT * bend)
-
-
-@njit(error_model="numpy")
-def mark_edges(row, extrema, level, drift, edge_noise, x_px, side, height, sigma_px):  # type: ignore[no-untyped-def]
-    """One edge between each two extrema of a row, where the row crosses the middle level; their number."""
-    number = 0
-    for after in range(1, extrema.size):
-        start, end = extrema[after - 1], extrema[after]
-        middle = HALF * np.float32(start + end)
-        first = level[after - 1] + drift[after - 1] * (middle - np.float32(start))
-        second = level[after] + drift[after] * (middle - np.float32(end))
-        crossed = HALF * (first + second)
-        sign = UP if row[end] > row[start] else DOWN
-        x = crossing(row, start, end, crossed, np.float32(sign))
-        if x >= 0:
-            slope = row[x + 1] - row[x]
-            x_px[number] = np.float32(x) + (crossed - row[x]) / slope
-            side[number] = sign
-            height[number] = HALF * abs(second - first)
-            sigma_px[number] = edge_noise / abs(slope)
-            number += 1
-    return number
-
-
-@njit
-def crossing(row, start, end, level, sign):  # type: ignore[no-untyped-def]
-    """Column behind which a row crosses a level upwards (sign 1) or downwards, sought from the middle; -1 if none."""
-    x = (start + end) >> 1
-    while x >= start and sign * (row[x] - level) > 0.0:
-        x -= 1
-    while start <= x < end and sign * (row[x + 1] - level) <= 0.0:
-        x += 1
-    return x if start <= x < end else -1
+    for at in range(1, turns.size):
+        level = row[turns[at]]
+        top, bottom = max(top, level), min(bottom, level)
+        if level <= top - contrast:
+            return at, -ONE
+        if level >= bottom + contrast:
+            return at, ONE
+    return turns.size, ONE

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.edge_candidates import Candidates
+from moire_sensor.edge_cost import Rules, alike
 from moire_sensor.edge_find import EdgeRows
-from moire_sensor.edge_match import EdgeMatch, Rules
-from moire_sensor.edge_programme import alike
+from moire_sensor.edge_match import EdgeMatch
 from moire_sensor.edge_settings import EdgeSettings
 
 
@@ -23,15 +22,6 @@ def spread_rows(
     """
     if settings.rows > 1:
         follow_rows(settings.rows, left, right, candidates, rules, settings.follow_px, match)
-
-
-def in_company(
-    match: EdgeMatch, left: EdgeRows, candidates: Candidates, min_run: int, room: npt.NDArray[np.bool_] | None = None
-) -> npt.NDArray[np.bool_]:
-    """Correspondences (H, E) in runs of ``min_run`` or more, neighbours in both images and in the pattern."""
-    keep = np.empty(match.partner.shape, dtype=np.bool_) if room is None else room
-    mark_runs(match, left.number, candidates.half_order, min_run, keep)
-    return keep
 
 
 @njit(inline="always")
@@ -72,10 +62,10 @@ def follow_row(y, source, left, right, candidates, rules, follow_px, match):  # 
         if i < 0 or j < 0 or not rules.farthest <= left_x[i] - right_x[j] <= rules.nearest:
             continue
         if alike(left_side[i], left_height[i], right_side[j], right_height[j], rules):
-            fringe = old_half_order[old, old_candidate[number]]
-            for confirmed in range(columns.shape[1]):
-                near = abs(columns[j, confirmed] - left_x[i]) <= rules.same_side_px
-                if near and half_order[j, confirmed] == fringe:
+            fringe = old_half_order[old] + 2 * old_candidate[number]
+            for confirmed in range(columns.shape[0]):
+                near = abs(columns[confirmed, j] - left_x[i]) <= rules.same_side_px
+                if near and half_order[j] + 2 * confirmed == fringe:
                     partner[i], candidate[i] = j, confirmed
 
 
@@ -93,20 +83,18 @@ def follow_rows(rows, left, right, candidates, rules, follow_px, match):  # type
             follow_row(y, y - 1, left, right, candidates, rules, follow_px, match)
 
 
-@njit(parallel=True, cache=True)
-def mark_runs(match, number, half_order, min_run, keep):  # type: ignore[no-untyped-def]
-    """Mark runs along each row that step by one edge in both images and by one fringe edge on the projector."""
-    for row in prange(keep.shape[0]):
-        y = np.int64(row)
-        partner, candidate = match.partner[y], match.candidate[y]
-        keep[y] = False
-        start = 0
-        for i in range(1, number[y] + 1):
-            joined = i < number[y] and partner[i - 1] >= 0 and partner[i] == partner[i - 1] + 1
-            if joined:
-                here = half_order[y, partner[i], candidate[i]]
-                joined = abs(here - half_order[y, partner[i - 1], candidate[i - 1]]) == 1
-            if not joined:
-                if partner[start] >= 0 and i - start >= min_run:
-                    keep[y, start:i] = True
-                start = i
+@njit
+def drop_loners(partner, candidate, half_order, number, min_run):  # type: ignore[no-untyped-def]
+    """Drop the correspondences of a row outside runs of ``min_run`` or more, which step by one edge in both images and
+    by one fringe edge on the projector."""
+    start = 0
+    for i in range(1, number + 1):
+        joined = i < number and partner[i - 1] >= 0 and partner[i] == partner[i - 1] + 1
+        if joined:
+            before, here = partner[i - 1], partner[i]
+            step = half_order[here] - half_order[before] + 2 * (candidate[i] - candidate[i - 1])
+            joined = abs(step) == 1
+        if not joined:
+            if i - start < min_run:
+                partner[start:i] = -1
+            start = i

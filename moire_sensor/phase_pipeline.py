@@ -159,7 +159,7 @@ class PhasePipeline:
             drop_slivers(match.disparity_px, way.least_run_px)
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
         if self._by_stereo:
-            match = extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
+            extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
             bridge(match, greys, phases[0].amplitude, self.settings)
             if way.single:
                 drop_slivers(match.disparity_px, SLIVER_PX)

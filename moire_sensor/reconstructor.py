@@ -96,7 +96,7 @@ class Reconstructor:
             Images of another shape, type or number.
         """
         if self._edges is not None:
-            return self._edges.measure(left, right, first_step).shot
+            return self._edges.reconstruct(left, right, first_step)
         images = [self._checked(name, image) for name, image in (("left", left), ("right", right))]
         if images[0].shape != images[1].shape:
             raise ImageError(f"{len(left)} left frames came with {len(right)} right ones; give as many of each")

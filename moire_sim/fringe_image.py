@@ -54,7 +54,7 @@ class Surfaces:
     albedo : float32, 0 where nothing is seen.
     lit_share : float32, 0 (shadow or outside the projector's image) to 1.
     lambert : float32, cosine between normal and light, 0 where it faces away.
-    device_px : (H, W, 2) projector device column and row, 0 where nothing is seen.
+    device_px : (H, W, 2) projector device column and row, of no meaning where nothing is seen.
     """
 
     points_m: Array
@@ -84,12 +84,12 @@ def light_surfaces(
         np.where(known, albedo, np.float32(0.0)),
         lit,
         lambert_cosine(planes, points, projector.centre_m),
-        np.where(known[..., None], lighting_pixels(rig, points), 0.0),
+        lighting_pixels(rig, points),
     )
 
 
 def lighting_pixels(rig: StereoRig, points_m: Array) -> Array:
-    """Projector device column and row (H, W, 2) that light points (H, W, 3); NaN for those not in front of it."""
+    """Projector device column and row (H, W, 2) that light points (H, W, 3); no light comes where there is none."""
     pixels = np.empty((*points_m.shape[:-1], 2))
     fill_pixels(points_m.reshape(-1, 3), rig.P_projector, pixels.reshape(-1, 2))
     if not rig.projector_distortion:

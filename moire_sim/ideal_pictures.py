@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from moire_sensor.pattern import FringePattern
+from moire_sim.both_cameras import for_both
 from moire_sim.capture import Grey
 from moire_sim.exposure import exposed, noise_generator
-from moire_sim.fringe_image import Image, dark_picture, fringe_picture
+from moire_sim.fringe_image import Image, Surfaces, dark_picture, fringe_picture
 from moire_sim.head_options import HeadOptions
 from moire_sim.still_view import StillView
 
@@ -28,11 +29,11 @@ class IdealPictures:
     def expose(self, pattern: FringePattern | None, step: int, exposure_index: int) -> tuple[Grey, Grey]:
         """Left and right picture; without a pattern the projector is off."""
         noise, bits = self._options.noise, self._options.bits
-        left, right = (
-            exposed(image, noise, noise_generator(self._seed, exposure_index, camera), bits)
-            for camera, image in enumerate(self._without_noise(pattern, step))
-        )
-        return left, right
+
+        def picture(image: Image, camera: int) -> Grey:
+            return exposed(image, noise, noise_generator(self._seed, exposure_index, camera), bits)
+
+        return for_both(picture, self._without_noise(pattern, step), (0, 1))
 
     def _without_noise(self, pattern: FringePattern | None, step: int) -> tuple[Image, Image]:
         key = (pattern, step)
@@ -40,9 +41,9 @@ class IdealPictures:
             if len(self._pictures) >= CACHED_PICTURES:
                 del self._pictures[next(iter(self._pictures))]
             still, light = self._look(), self._options.light
-            left, right = (
-                dark_picture(side, light) if pattern is None else fringe_picture(side, pattern, step, light)
-                for side in (still.left, still.right)
-            )
-            self._pictures[key] = (left, right)
+
+            def ideal(side: Surfaces) -> Image:
+                return dark_picture(side, light) if pattern is None else fringe_picture(side, pattern, step, light)
+
+            self._pictures[key] = for_both(ideal, (still.left, still.right))
         return self._pictures[key]

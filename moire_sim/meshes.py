@@ -46,7 +46,7 @@ class LoadedBody:
 
     Attributes
     ----------
-    kind : ``"mesh"`` (OBJ or STL), ``"urdf"`` or ``"sdf"``.
+    kind : ``"mesh"`` (OBJ or STL), ``"urdf"``, or ``"sdf"``, which a scene holds as what it shows.
     path : the file.
     pose : (4, 4), its place in the world frame.
     scale : of a mesh.

@@ -65,7 +65,9 @@ class Optics:
 
 
 IDEAL = Optics()
-# A small DLP projector with an 8 mm lens, two machine-vision cameras behind 12 mm lenses, a lit room.
+# A small DLP projector with an 8 mm lens, two machine-vision cameras behind 12 mm lenses, a lit room. A white pixel
+# holds 10200 electrons, as pixels of 3.45 micrometres do. What costs most, the fall-off with distance, is no choice:
+# light from a lens thins with the square of the way.
 REAL = Optics(
     projector_aperture_mm=8.0,
     projector_blur_px=0.4,

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from moire_sensor.rig import StereoRig
+from moire_sim.both_cameras import for_both
 from moire_sim.camera_lens import CameraLens
 from moire_sim.device_view import DeviceView
 from moire_sim.fringe_image import light_surfaces
@@ -16,7 +18,9 @@ from moire_sim.optics import Optics
 from moire_sim.real_view import Finishes, RealView, finish_of
 
 if TYPE_CHECKING:
-    from moire_sim.render_geometry import GeometryRenderer
+    from moire_sim.render_geometry import Buffers, GeometryRenderer
+
+Array = npt.NDArray[np.float64]
 
 
 class RealLook:
@@ -38,17 +42,13 @@ class RealLook:
     def __call__(self, moment: Moment) -> tuple[RealView, RealView]:
         """Go to a moment and look at it."""
         self._renderer.go_to(moment)
-        lamp = self._renderer.render(self._projector)
-        left, right = (
-            self._view(camera, lens, lamp.depth_m) for camera, lens in zip(self._cameras, self._lenses, strict=True)
+        seen = self._renderer.render_views(
+            (*(lens.fine_view for lens in self._lenses), self._projector), (True, True, False)
         )
-        return left, right
+        return for_both(self._view, self._cameras, self._lenses, seen[:2], [seen[2].depth_m] * 2)
 
-    def _view(self, camera: DeviceView, lens: CameraLens, lamp_depth_m: np.ndarray) -> RealView:
-        seen = self._renderer.render(lens.fine_view, with_bodies=True)
-        surfaces = light_surfaces(
-            self._rig, lens.fine_view, seen.depth_m, seen.albedo, self._projector, lamp_depth_m
-        )
+    def _view(self, camera: DeviceView, lens: CameraLens, seen: Buffers, lamp_depth_m: Array) -> RealView:
+        surfaces = light_surfaces(self._rig, lens.fine_view, seen.depth_m, seen.albedo, self._projector, lamp_depth_m)
         assert seen.body is not None
         finishes = Finishes(seen.body, self._finishes, self._renderer.rest_from_left())
         return RealView.of(lens, surfaces, finishes, self._projector, self._optics, camera.size)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.pattern import FringePattern
+from moire_sim.both_cameras import for_both
 from moire_sim.camera_chip import NOMINAL_EXPOSURE_MS, CameraChip, lamp, speckle_pattern
 from moire_sim.capture import Grey
 from moire_sim.exposure import noise_generator
@@ -73,11 +74,11 @@ class RealPictures:
         middle = way(0.0)
         lit = self._light_of(pattern, step)
         swing = lamp(self._optics, time_s, self._exposure_ms)
-        left, right = (
-            self._picture(camera, one, swing, middle, noise_generator(self._seed, exposure_index, camera))
-            for camera, one in enumerate(lit)
-        )
-        return left, right
+
+        def picture(camera: int, light: Lit) -> Grey:
+            return self._picture(camera, light, swing, middle, noise_generator(self._seed, exposure_index, camera))
+
+        return for_both(picture, (0, 1), lit)
 
     @property
     def exposure_ms(self) -> float:
@@ -109,8 +110,7 @@ class RealPictures:
         if key not in self._lit:
             if len(self._lit) >= CACHED_PICTURES:
                 del self._lit[next(iter(self._lit))]
-            left, right = (self._mixed([views[camera] for views in self._kept[1]], pattern, step) for camera in (0, 1))
-            self._lit[key] = (left, right)
+            self._lit[key] = for_both(lambda *views: self._mixed(views, pattern, step), *self._kept[1])
         return self._lit[key]
 
     def _mixed(self, views: Sequence[RealView], pattern: FringePattern | None, step: int) -> Lit:

@@ -32,12 +32,11 @@ from moire_sim.render_maths import (
     quaternion,
 )
 from moire_sim.scene_file import Scene
-from moire_sim.scene_shapes import sdf_poses
+from moire_sim.surface_kernels import fill_bodies, fill_depth
 
 Array = npt.NDArray[np.float64]
 LEFT_OPTICAL_FRAME = "head_left_optical_frame"
-# The simulator's segmentation holds the body in its lower bits, the link above.
-BODY_BITS = (1 << 24) - 1
+ALBEDO_OF_RED = (np.arange(256) / 255.0).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +68,10 @@ class GeometryRenderer:
             self._world_from_base: Array = np.asarray(np.linalg.inv(self._link_pose(LEFT_OPTICAL_FRAME)), np.float64)
             self._base_at_rest = self._world_from_base
             self._place(self._head, self._world_from_base)
-            self._placed = [self._add(number, body) for number, body in enumerate(scene.bodies, start=1)]
+            added = {number: self._add(number + 1, scene.bodies[number]) for number in nearest_first(scene.bodies)}
+            self._placed = [placed for _, placed in sorted(added.items())]
             self._poses = [np.eye(4) for _ in scene.bodies]
-            albedos = [self._albedo_of(body, placed) for body, placed in zip(scene.bodies, self._placed, strict=True)]
+            albedos = [self._albedo_of(body, one) for body, (one, _) in zip(scene.bodies, self._placed, strict=True)]
             # The last one is of number -1: what is not of the scene.
             self._albedos = np.array([*albedos, 0.0], dtype=np.float32)
         except BaseException:
@@ -101,8 +101,8 @@ class GeometryRenderer:
         for number, (body, placed) in enumerate(zip(self._scene.bodies, self._placed, strict=True)):
             if body.motion is not None:
                 self._poses[number] = body.motion.pose(moment.time_s)
-                for one, at_rest in placed.items():
-                    self._place(one, self._poses[number] @ at_rest)
+                one, at_rest = placed
+                self._place(one, self._poses[number] @ at_rest)
 
     def rest_from_left(self) -> tuple[Array, ...]:
         """For each body, what takes points (4, 4) from the left optical frame to where the body is at rest."""
@@ -119,6 +119,10 @@ class GeometryRenderer:
         base_from_world = np.linalg.inv(self._world_from_base)
         poses = {name: base_from_world @ self._link_pose(name) for name in self._links}
         return {"head_base_link": np.eye(4), **poses}
+
+    def render_views(self, views: Sequence[DeviceView], with_bodies: Sequence[bool]) -> list[Buffers]:
+        """Render several views of now, each with or without the numbers of the bodies."""
+        return [self.render(view, bodies) for view, bodies in zip(views, with_bodies, strict=True)]
 
     def render(self, view: DeviceView, with_bodies: bool = False) -> Buffers:
         """Render depth and albedo, perhaps bodies too, of a device given relative to the left optical frame."""
@@ -137,29 +141,29 @@ class GeometryRenderer:
             renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if self._egl else pybullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
+        depth_m = np.empty((height, width))
         # Wheels built without numpy return flat tuples.
-        window = np.asarray(depth, dtype=np.float64).reshape(height, width)
-        z = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * window)
-        known = window < 1.0 - 1e-6
-        bodies = self._numbers(segments, known) if with_bodies or self._egl else None
+        fill_depth(np.asarray(depth, dtype=np.float32).ravel(), NEAR_M, FAR_M, depth_m.ravel())
+        bodies = self._numbers(segments, depth_m) if with_bodies or self._egl else None
         if self._egl and bodies is not None:
             # This renderer shades whatever it is told; the scene knows its albedos.
-            return Buffers(np.where(known, z, np.nan), self._albedos[bodies], bodies)
+            return Buffers(depth_m, self._albedos[bodies], bodies)
         red = np.asarray(colour, dtype=np.uint8).reshape(height, width, 4)[..., 0]
-        return Buffers(np.where(known, z, np.nan), (red / 255.0).astype(np.float32), bodies)
+        return Buffers(depth_m, ALBEDO_OF_RED[red], bodies)
 
-    def _numbers(self, segments: Any, known: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+    def _numbers(self, segments: Any, depth_m: Array) -> npt.NDArray[np.int32]:
         """Numbers (H, W) of the scene's bodies; the head itself, where it is seen, counts as nothing."""
         number_of = np.full(pybullet.getNumBodies(physicsClientId=self._client), -1, dtype=np.int32)
-        for number, placed in enumerate(self._placed):
-            number_of[list(placed)] = number
-        body = np.asarray(segments, dtype=np.int32).reshape(known.shape) & BODY_BITS
-        return np.where(known, number_of[np.where(known, body, 0)], -1).astype(np.int32)
+        for number, (placed, _) in enumerate(self._placed):
+            number_of[placed] = number
+        bodies = np.empty(depth_m.shape, dtype=np.int32)
+        fill_bodies(np.asarray(segments, dtype=np.int32).ravel(), number_of, depth_m.ravel(), bodies.ravel())
+        return bodies
 
-    def _albedo_of(self, body: Body | LoadedBody, placed: dict[int, Array]) -> float:
+    def _albedo_of(self, body: Body | LoadedBody, placed: int) -> float:
         """Albedo 0 to 1 as a picture of 8 bits has it; of what a file colours itself, that of its first visual."""
         if isinstance(body, LoadedBody) and body.kind != "mesh":
-            red = pybullet.getVisualShapeData(next(iter(placed)), physicsClientId=self._client)[0][7][0]
+            red = pybullet.getVisualShapeData(placed, physicsClientId=self._client)[0][7][0]
         else:
             red = body.albedo
         return int(255.0 * float(red)) / 255.0
@@ -182,38 +186,35 @@ class GeometryRenderer:
     def _pose(self, body: int) -> Array:
         return as_pose(*pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client))
 
-    def _add(self, number: int, body: Body | LoadedBody) -> dict[int, Array]:
-        """Add a body of the scene; returns the simulator's bodies that it is made of, with their poses at rest."""
+    def _add(self, number: int, body: Body | LoadedBody) -> tuple[int, Array]:
+        """Add a body of the scene; returns the simulator's number of it, and its pose at rest."""
         if isinstance(body, LoadedBody):
             try:
                 placed = self._load(body)
             except pybullet.error as error:
-                placed = []
+                placed = -1
                 reason = f": {error}".rstrip(".")
             else:
                 reason = ""
-            if not placed or min(placed) < 0:
+            if placed < 0:
                 raise SceneError(
                     f"body {number} of the scene cannot be loaded from {body.path}{reason}; check the file, and the "
                     "meshes that it names"
                 )
-            within = sdf_poses(body.path) if body.kind == "sdf" else [np.eye(4)] * len(placed)
-            poses = {one: body.pose @ own @ self._pose(one) for one, own in zip(placed, within, strict=True)}
-            for one, pose in poses.items():
-                self._place(one, pose)
-            return poses
+            pose = body.pose @ self._pose(placed)
+            self._place(placed, pose)
+            return placed, pose
         # Meshes go through files: vertices passed as arguments are limited in number.
         with tempfile.TemporaryDirectory(prefix="moire_scene_") as folder:
             path = Path(folder) / "body.obj"
             path.write_text(to_obj(body), encoding="ascii")
-            return {self._add_mesh(path, 1.0, body.albedo): np.eye(4)}
+            return self._add_mesh(path, 1.0, body.albedo), np.eye(4)
 
-    def _load(self, body: LoadedBody) -> list[int]:
+    def _load(self, body: LoadedBody) -> int:
         if body.kind == "mesh":
-            return [self._add_mesh(body.path, body.scale, body.albedo)]
-        if body.kind == "urdf":
-            return [pybullet.loadURDF(str(body.path), useFixedBase=True, physicsClientId=self._client)]
-        return list(pybullet.loadSDF(str(body.path), physicsClientId=self._client))
+            return self._add_mesh(body.path, body.scale, body.albedo)
+        number: int = pybullet.loadURDF(str(body.path), useFixedBase=True, physicsClientId=self._client)
+        return number
 
     def _add_mesh(self, path: Path, scale: float, albedo: float) -> int:
         shape = pybullet.createVisualShape(
@@ -227,6 +228,14 @@ class GeometryRenderer:
             return -1
         body: int = pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
         return body
+
+
+def nearest_first(bodies: Sequence[Body | LoadedBody]) -> list[int]:
+    """Numbers of the bodies in the order to draw: what is hidden by something drawn already is not shaded."""
+    away_m = [
+        float(body.vertices_m[:, 2].mean()) if isinstance(body, Body) else float(body.pose[2, 3]) for body in bodies
+    ]
+    return sorted(range(len(bodies)), key=away_m.__getitem__)
 
 
 def as_pose(position_m: Sequence[float], orientation: Sequence[float]) -> Array:

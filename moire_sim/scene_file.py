@@ -18,6 +18,7 @@ from moire_sim.errors import SceneError
 from moire_sim.meshes import Body, LoadedBody
 from moire_sim.scene_fields import Fields
 from moire_sim.scene_shapes import SHAPES, WORLD_FROM_FILE, finish_of, loaded_of, motion_of, one_shape
+from moire_sim.sdf_file import sdf_bodies
 
 FORMAT = 1
 MAX_BYTES = 1_000_000
@@ -86,16 +87,17 @@ class SceneFile:
         entries = self.content.get("bodies")
         if not isinstance(entries, list) or not 1 <= len(entries) <= MAX_BODIES:
             raise SceneError(f"scene file {self.path} has no list of bodies; give 1 to {MAX_BODIES} of them")
-        bodies = [self._body(number, entry, options) for number, entry in enumerate(entries, start=1)]
+        bodies = [body for number, entry in enumerate(entries, start=1) for body in self._read(number, entry, options)]
         head = self.content.get("head")
         motion = None
         if head is not None:
             fields = Fields.of(f"scene file {self.path}, head", head, options)
             motion = motion_of(fields.inner("motion"))
             fields.finish()
-        return Scene(tuple(body for body in bodies if body is not None), motion)
+        return Scene(tuple(bodies), motion)
 
-    def _body(self, number: int, entry: Any, options: Mapping[str, float]) -> Body | LoadedBody | None:
+    def _read(self, number: int, entry: Any, options: Mapping[str, float]) -> list[Body | LoadedBody]:
+        """Return what an entry puts into the scene: one body, all that an SDF file shows, or nothing."""
         fields = Fields.of(f"scene file {self.path}, body {number}", entry, options)
         shape = one_shape(fields)
         inner = fields.inner(shape)
@@ -106,11 +108,11 @@ class SceneFile:
         fields.get("name")
         fields.finish()
         if not present:
-            return None
+            return []
         loads = shape not in SHAPES
         body = loaded_of(shape, inner, albedo, self.path.parent) if loads else SHAPES[shape](inner, albedo)
         inner.finish()
-        return dataclasses.replace(body, finish=finish, motion=motion)
+        return [dataclasses.replace(one, finish=finish, motion=motion) for one in bodies_of(body)]
 
 
 def parsed(path: Path) -> Any:
@@ -138,4 +140,11 @@ def robot_scene(path: Path) -> Scene:
     kind = {"robot": "urdf", "sdf": "sdf"}.get(root)
     if kind is None:
         raise SceneError(f"scene file {path} holds <{root}>; a URDF file holds <robot>, an SDF file <sdf>")
-    return Scene((LoadedBody(kind, path, WORLD_FROM_FILE),))
+    return Scene(tuple(bodies_of(LoadedBody(kind, path, WORLD_FROM_FILE))))
+
+
+def bodies_of(body: Body | LoadedBody) -> list[Body | LoadedBody]:
+    """Return a body itself, or of an SDF file all that it shows."""
+    if isinstance(body, LoadedBody) and body.kind == "sdf":
+        return sdf_bodies(body.path, body.pose, body.albedo)
+    return [body]

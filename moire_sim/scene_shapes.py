@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -100,26 +99,6 @@ def loaded_of(kind: str, fields: Fields, albedo: float, folder: Path) -> LoadedB
     pose = WORLD_FROM_FILE @ placed((0.0, 0.0, 0.0), triple(turn))
     pose[:3, 3] = position
     return LoadedBody(kind, path, pose, scale, albedo)
-
-
-def sdf_poses(path: Path) -> list[Array]:
-    """Pose (4, 4) of each model's first link in an SDF file, which the simulator does not put there itself."""
-    try:
-        root = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise SceneError(f"{path} is no XML ({error}); give an SDF file") from None
-    models = [*root.findall("model"), *root.findall("world/model")]
-    return [sdf_pose(model) @ sdf_pose(model.find("link")) for model in models]
-
-
-def sdf_pose(element: ET.Element | None) -> Array:
-    """Pose (4, 4) of an element, whose ``pose`` is x y z roll pitch yaw, metres and radians; the identity without."""
-    text = element.findtext("pose") if element is not None else None
-    try:
-        x, y, z, roll, pitch, yaw = (float(word) for word in (text or "0 0 0 0 0 0").split())
-    except ValueError:
-        raise SceneError(f"the pose {quoted(str(text))} of an SDF file is not six numbers; write x y z r p y") from None
-    return placed((x, y, z), (roll, pitch, yaw))
 
 
 def placed(position_m: Vector, rpy_rad: Vector) -> Array:

@@ -10,13 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.rig import StereoRig
+from moire_sim.both_cameras import for_both
 from moire_sim.device_view import DeviceView, visible_share
 from moire_sim.fringe_image import LIT_SHARE, Surfaces, light_surfaces
 
 Array = npt.NDArray[np.float64]
 
 if TYPE_CHECKING:
-    from moire_sim.render_geometry import GeometryRenderer
+    from moire_sim.render_geometry import Buffers, GeometryRenderer
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,10 @@ class StillView:
 def still_view(renderer: GeometryRenderer, rig: StereoRig, views: tuple[DeviceView, ...]) -> StillView:
     """Render the cameras and the projector and work out light and shadow."""
     left_view, right_view, projector = views
-    left, right, lamp = (renderer.render(view) for view in views)
-    left_surfaces = light_surfaces(rig, left_view, left.depth_m, left.albedo, projector, lamp.depth_m)
-    right_surfaces = light_surfaces(rig, right_view, right.depth_m, right.albedo, projector, lamp.depth_m)
+    left, right, lamp = renderer.render_views(views, (False,) * len(views))
+
+    def lit(view: DeviceView, seen: Buffers) -> Surfaces:
+        return light_surfaces(rig, view, seen.depth_m, seen.albedo, projector, lamp.depth_m)
+
+    left_surfaces, right_surfaces = for_both(lit, (left_view, right_view), (left, right))
     return StillView(left_surfaces, right_surfaces, left.depth_m.astype(np.float32), right_view, right.depth_m)

@@ -12,6 +12,24 @@ from numba import njit
 
 # 1 / z where nothing is seen, 1 / m: far behind everything.
 NOTHING = 1e-3
+# The simulator's segmentation holds the body in its lower bits, the link above.
+BODY_BITS = (1 << 24) - 1
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def fill_depth(window, near_m, far_m, depth_m):  # type: ignore[no-untyped-def]
+    """Fill ``depth_m`` (N,) from an OpenGL depth buffer, 0 near to 1 far; NaN at 1, where nothing is seen."""
+    for i in range(window.size):
+        share = np.float64(window[i])
+        z = far_m * near_m / (far_m - (far_m - near_m) * share)
+        depth_m[i] = z if share < 1.0 - 1e-6 else np.nan
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def fill_bodies(segments, number_of, depth_m, bodies):  # type: ignore[no-untyped-def]
+    """Fill ``bodies`` (N,) with the scene's numbers of the simulator's ``segments`` (N,); -1 where nothing is seen."""
+    for i in range(segments.size):
+        bodies[i] = number_of[segments[i] & BODY_BITS] if depth_m[i] == depth_m[i] else -1
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -82,13 +100,13 @@ def fill_points(depth_m, inverse_intrinsic, rotation, shift, points):  # type: i
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def fill_pixels(points, projection, pixels):  # type: ignore[no-untyped-def]
-    """Fill ``pixels`` (N, 2), column and row, of points (N, 3) by a projection (3, 4); NaN behind the device."""
+    """Fill ``pixels`` (N, 2), column and row, of points (N, 3) by a projection (3, 4); 0 for none and behind it."""
     for i in range(points.shape[0]):
         x, y, z = moved(points[i], projection[:, :3], projection[:, 3])
         if z > 0.0:
             pixels[i, 0], pixels[i, 1] = x / z, y / z
         else:
-            pixels[i, 0] = pixels[i, 1] = np.nan
+            pixels[i, 0] = pixels[i, 1] = 0.0
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -21,7 +21,7 @@ from moire_sim.head_options import HeadOptions
 from moire_sim.ideal_pictures import IdealPictures
 from moire_sim.joint_motion import PAN_JOINT, TILT_JOINT, JointLimit
 from moire_sim.moment import Moment
-from moire_sim.open_renderer import open_renderer
+from moire_sim.open_renderer import open_renderer, processes_to_render
 from moire_sim.real_look import RealLook
 from moire_sim.real_pictures import RealPictures
 from moire_sim.renderer_choice import uses_egl
@@ -78,7 +78,8 @@ class VirtualHead:
         self._time_s = 0.0
         self._moment = Moment()
         self.uses_egl = uses_egl(self.options.renderer)
-        self._renderer = open_renderer()(stage, self.uses_egl)
+        self.render_processes = processes_to_render(self.options.render_processes)
+        self._renderer = open_renderer(stage, self.uses_egl, self.render_processes)
         self._renderer.go_to(self._moment)
         self._base_at_start = self._renderer.world_from_base
         self._real: RealPictures | None = None

@@ -30,6 +30,7 @@ from moire_sim.virtual_head_joints import BasePose, HeadJoints
 from moire_sim.virtual_head_parameters import (
     FRINGE_SPECS,
     PRESET_SPEC,
+    PROCESSES_SPEC,
     RENDERER_SPEC,
     optics_specs,
     options_of,
@@ -68,7 +69,7 @@ HEAD_SPECS = (
         "wait_for_subscribers", 0, "subscribers of images and state to wait for first; 0: none", 0, 100, read_only=True
     ),
 )
-SPECS = (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC, RENDERER_SPEC, *optics_specs())
+SPECS = (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC, RENDERER_SPEC, PROCESSES_SPEC, *optics_specs())
 
 
 class VirtualHeadNode(Node):  # type: ignore[misc]
@@ -79,7 +80,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
 
     def __init__(self, others: Collection[str] = ()) -> None:
         super().__init__("virtual_head", namespace=NAMESPACE)
-        values = declare(self, (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC, RENDERER_SPEC))
+        values = declare(self, (*HEAD_SPECS, *FRINGE_SPECS, PRESET_SPEC, RENDERER_SPEC, PROCESSES_SPEC))
         values |= declare(self, optics_specs(values["optics"]))
         refuse_unknown(self, others=others)
         self._values = values
@@ -111,7 +112,8 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
             self._first_turn = self.create_timer(wait_s, self._begin_turns)
         self.get_logger().info(
             f"ready: scene {values['scene']}, {values['rate_hz']:g} Hz, {values['phase_steps']} step(s), "
-            f"optics {values['optics']}, rendered by {'EGL' if self._head.uses_egl else 'TinyRenderer'}"
+            f"optics {values['optics']}, rendered by {'EGL' if self._head.uses_egl else 'TinyRenderer'}, "
+            f"what moves in {self._head.render_processes} process(es)"
         )
 
     def close(self) -> None:

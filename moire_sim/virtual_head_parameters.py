@@ -12,7 +12,7 @@ from moire_sensor.pattern import MIN_PERIOD_PX, WAVEFORMS, FringePattern
 from moire_sensor.ros.parameters import ParameterSpec
 from moire_sensor.ros.projector_state import MAX_STEP_COUNT
 from moire_sim.fringe_image import Light
-from moire_sim.head_options import PRESETS, HeadOptions, preset
+from moire_sim.head_options import MOST_PROCESSES, PRESETS, HeadOptions, preset
 from moire_sim.optics import Optics
 from moire_sim.renderer_choice import RENDERERS
 
@@ -30,6 +30,9 @@ PRESET_SPEC = ParameterSpec(
 )
 RENDERER_SPEC = ParameterSpec(
     "renderer", "tiny", "of the geometry; auto: egl, the quicker, where it works", choices=RENDERERS, read_only=True
+)
+PROCESSES_SPEC = ParameterSpec(
+    "render_processes", 0, "processes that render what moves; 0: 3, or 1 on one core", 0, MOST_PROCESSES, read_only=True
 )
 
 
@@ -57,10 +60,8 @@ def options_of(values: Mapping[str, Any]) -> HeadOptions:
     if values["bits"] not in (8, 12, 16):
         raise SettingsError(f"parameter bits is {values['bits']}; allowed are 8, 12 and 16")
     light, optics = ({item.name: values[item.name] for item in fields(kind)} for kind in (Light, Optics))
-    renderer: str = values["renderer"]
-    return HeadOptions(Light(**light), values["noise"], values["bits"], optics=Optics(**optics), renderer=renderer)
-
-
+    rendering = {name: values[name] for name in ("renderer", "render_processes")}
+    return HeadOptions(Light(**light), values["noise"], values["bits"], optics=Optics(**optics), **rendering)
 
 def patterns_of(values: Mapping[str, Any]) -> tuple[FringePattern, ...]:
     """Return the patterns that parameters ask for, one or two; raises PatternError where they cannot be shown."""

@@ -10,6 +10,7 @@ from dense_rigs import Array, Float32
 
 from moire_sensor import depth_border as border
 from moire_sensor import depth_offer as fit
+from moire_sensor import depth_trust, depth_window
 from moire_sensor.depth_refine import Match
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.phase_image import PhaseImage
@@ -100,8 +101,8 @@ class Scene:
 def slow_trusted(disparity: Float32) -> Mask:
     height, width = disparity.shape
     jump = np.isnan(disparity)
-    jump[:, :-1] |= ~(np.abs(disparity[:, 1:] - disparity[:, :-1]) <= border.JUMP_PX)
-    jump[:-1] |= ~(np.abs(disparity[1:] - disparity[:-1]) <= border.JUMP_PX)
+    jump[:, :-1] |= ~(np.abs(disparity[:, 1:] - disparity[:, :-1]) <= depth_trust.JUMP_PX)
+    jump[:-1] |= ~(np.abs(disparity[1:] - disparity[:-1]) <= depth_trust.JUMP_PX)
     return np.array([[not jump[max(y - RIM, 0) : y + RIM + 1, max(x - RIM, 0) : x + RIM + 1].any()
                       for x in range(width)] for y in range(height)])  # fmt: skip
 
@@ -142,7 +143,7 @@ def slow_row_match(
     at = np.arange(max(first, 0), min(last, width - 1) + 1)
     seen = at - (plane[0] + plane[1] * (at - x))
     at, seen = at[(seen >= 1.0) & (seen < width - 2)], seen[(seen >= 1.0) & (seen < width - 2)]
-    if at.size < fit.ROW_SPAN_PX // 2:
+    if at.size < depth_window.ROW_SPAN_PX // 2:
         return 0.0, 0.0, np.inf
     slopes = np.interp(seen, np.arange(width), np.gradient(right))
     differences = left[at] - np.interp(seen, np.arange(width), right)
@@ -163,7 +164,7 @@ def is_taken(claim: Float32, y: int, x: int, disparity: float) -> bool:
 def slow_neighbours(trust: Mask, y: int, x: int) -> list[tuple[int, int]]:
     """Nearest trusted pixels left, right, above, below, that lie in reach and not at the image's border."""
     height, width = trust.shape
-    reaches = ((0, -1, width), (0, 1, width), (-1, 0, border.REACH_PX), (1, 0, border.REACH_PX))
+    reaches = ((0, -1, width), (0, 1, width), (-1, 0, depth_trust.REACH_PX), (1, 0, depth_trust.REACH_PX))
     found = []
     for down, aside, reach in reaches:
         for away in range(1, reach + 1):
@@ -171,7 +172,7 @@ def slow_neighbours(trust: Mask, y: int, x: int) -> list[tuple[int, int]]:
             if not (0 <= y0 < height and 0 <= x0 < width):
                 break
             if trust[y0, x0]:
-                if RIM <= y0 < height - RIM and RIM <= x0 < width - RIM and abs(x0 - x) <= border.ROW_REACH_PX:
+                if RIM <= y0 < height - RIM and RIM <= x0 < width - RIM and abs(x0 - x) <= depth_trust.ROW_REACH_PX:
                     found.append((y0, x0))
                 break
     return found
@@ -188,10 +189,10 @@ def slow_offer(
     lacks = BACKGROUND + AMPLITUDE * np.cos(phase_rad) - float(views[0][y, x])
     if lacks > fit.DIM_SHARE * AMPLITUDE + 3 * NOISE or -lacks > fit.GLARE_SHARE * AMPLITUDE + 3 * NOISE:
         return None
-    if abs(d - disparity[y, x]) < border.JUMP_PX:
+    if abs(d - disparity[y, x]) < depth_trust.JUMP_PX:
         return None
-    first = {True: x, False: x - fit.ROW_SPAN_PX}[x0 > x] if x0 != x else x - fit.ROW_SPAN_PX // 2
-    shift, power, variance = slow_row_match(views, y, x, (d, along, across), first, first + fit.ROW_SPAN_PX)
+    first = {True: x, False: x - depth_window.ROW_SPAN_PX}[x0 > x] if x0 != x else x - depth_window.ROW_SPAN_PX // 2
+    shift, power, variance = slow_row_match(views, y, x, (d, along, across), first, first + depth_window.ROW_SPAN_PX)
     fringe_power = 0.5 * (AMPLITUDE * PROJECTOR.rad_per_column) ** 2
     if power < fit.LEAST_POWER * fringe_power or abs(shift) > fit.LARGEST_MOVE_PX:
         return None
@@ -226,7 +227,7 @@ def slow_extend(views: tuple[Float32, Float32], match: Match) -> Array:
     trust = fresh = slow_trusted(images[0])
     for _ in range(border.ROUNDS):
         height, width = fresh.shape
-        reach = border.REACH_PX
+        reach = depth_trust.REACH_PX
         todo = np.array([[fresh[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1].any()
                           for x in range(width)] for y in range(height)])  # fmt: skip
         images = slow_round(views, images, trust, todo)

@@ -26,6 +26,7 @@ from dense_rigs import Array, Float32
 
 from moire_sensor import depth_border as border
 from moire_sensor import depth_offer as fit
+from moire_sensor import depth_trust, depth_window
 from moire_sensor.depth_refine import Match
 from moire_sensor.settings import Settings
 
@@ -48,39 +49,77 @@ def rough(seed: int, shape: tuple[int, int] = (30, 90)) -> Float32:
     return disparity.astype(np.float32)
 
 
+def looked(disparity: Float32) -> depth_trust.Trust:
+    """What the first round sees."""
+    room = depth_trust.Trust.of(disparity.shape)
+    room.look(disparity)
+    return room
+
+
 @pytest.mark.parametrize("shape", [(30, 90), (10, 15), (10, 30)])
 def test_trusted_pixels_have_neither_jump_nor_hole_near(shape: tuple[int, int]) -> None:
     disparity = rough(1, shape)
-    found = border.trusted(disparity)
+    found = looked(disparity).trust
     np.testing.assert_array_equal(found, slow_trusted(disparity))
     assert shape != (30, 90) or 0.1 < found.mean() < 0.9
+
+
+def test_only_what_was_not_trusted_before_is_fresh() -> None:
+    room = looked(rough(1))
+    before = room.trust.copy()
+    np.testing.assert_array_equal(room.fresh, before)
+    room.look(rough(7))
+    np.testing.assert_array_equal(room.fresh, room.trust & ~before & 1)
+    assert 0 < room.fresh.sum() < room.trust.sum()
+    np.testing.assert_array_equal(room.near, cv2.dilate(room.fresh, np.ones((29, 29), dtype=np.uint8)))
 
 
 def test_claims_are_those_of_the_nearest_trusted_surface() -> None:
     disparity = rough(2)
     trust = np.isfinite(disparity) & (np.random.default_rng(2).uniform(size=disparity.shape) < 0.7)
-    np.testing.assert_array_equal(border.claims(disparity, trust), slow_claims(disparity, trust))
+    claim = np.empty_like(disparity)
+    depth_trust.fill_claims(disparity, trust.astype(np.uint8), claim)
+    np.testing.assert_array_equal(claim, slow_claims(disparity, trust))
 
 
 @pytest.mark.parametrize("plane", [(12.3, 0.0, 0.0), (14.0, 0.2, -0.3), (-6.5, -0.1, 0.4)])
 def test_small_difference_is_that_of_the_best_window(plane: tuple[float, float, float]) -> None:
     views = SCENE.views()
     disparity, along, across = (np.float32(part) for part in plane)
-    differ = interpreted(fit.small_difference)
+    differ = interpreted(depth_window.small_difference)
     corners = [(y, x) for y in (0, 1, 30, 59) for x in (0, 1, 3, 11, 13, 90, 150, 216, 219)]
     for y, x in corners:
-        found = differ(*views, y, x, disparity, along, across, np.float32(AMPLITUDE))
-        assert found == pytest.approx(slow_difference(views, y, x, plane), abs=1e-2)
+        found = differ(
+            *views, y, x, disparity, along, across, np.float32(AMPLITUDE), np.float32(0.0), np.float32(np.inf)
+        )
+        expected = slow_difference(views, y, x, plane)
+        assert found == pytest.approx(expected, abs=1e-2)
+
+
+def test_a_small_difference_may_stop_where_it_is_enough_or_too_much() -> None:
+    views = SCENE.views()
+    differ = interpreted(depth_window.small_difference)
+    stopped = 0
+    for y, x in [(y, x) for y in (0, 12, 15, 30, 59) for x in range(0, 220, 7)]:
+        for disparity in (12.0, 18.0, 24.0):
+            plane = np.float32(disparity), np.float32(0.01), np.float32(-0.02), np.float32(AMPLITUDE)
+            best = differ(*views, y, x, *plane, np.float32(0.0), np.float32(np.inf))
+            enough = differ(*views, y, x, *plane, np.float32(5.0), np.float32(np.inf))
+            assert enough == best or best <= enough <= 5.0
+            bounded = differ(*views, y, x, *plane, np.float32(0.0), np.float32(5.0))
+            assert bounded == best or (best > 5.0 and bounded > 5.0)
+            stopped += (enough != best) + (bounded != best)
+    assert stopped > 20
 
 
 @pytest.mark.parametrize("plane", [(12.3, 0.0, 0.0), (14.0, 0.2, 0.0), (-6.5, -0.1, 0.0)])
 def test_row_match_is_least_squares(plane: tuple[float, float, float]) -> None:
     views = SCENE.views()
-    matched = interpreted(fit.row_match)
+    matched = interpreted(depth_window.row_match)
     for y in (0, 30, 59):
         for x in (0, 3, 14, 90, 150, 204, 212, 219):
             for first in (x - 10, x - 5, x):
-                found = matched(*views, y, x, np.float32(plane[0]), np.float32(plane[1]), first, first + 10)
+                found = matched(*views, y, x, np.float32(plane[0]), np.float32(plane[1]), first)
                 np.testing.assert_allclose(found, slow_row_match(views, y, x, plane, first, first + 10), rtol=2e-3)
 
 
@@ -88,9 +127,9 @@ def test_a_shifted_row_is_matched_by_its_shift() -> None:
     scene = replace(SCENE, noise=0.0, rows=(0, 0), shadow_px=0)
     y, x = 30, 100
     truth = float(scene.disparity_px[y, x])
-    matched = interpreted(fit.row_match)
+    matched = interpreted(depth_window.row_match)
     for off in (-0.4, 0.0, 0.3):
-        shift, _, variance = matched(*scene.views(), y, x, np.float32(truth + off), np.float32(0.01), x - 5, x + 5)
+        shift, _, variance = matched(*scene.views(), y, x, np.float32(truth + off), np.float32(0.01), x - 5)
         # One step of Newton's on a cosine of 16.7 px: the square of the step times its curvature.
         assert shift == pytest.approx(-off, abs=0.03)
         assert variance < 0.03**2
@@ -99,16 +138,15 @@ def test_a_shifted_row_is_matched_by_its_shift() -> None:
 def test_neighbours_are_the_nearest_trusted_pixels() -> None:
     rng = np.random.default_rng(3)
     trust = rng.uniform(size=(40, 120)) < np.where(np.arange(120) % 60 < 5, 0.3, 0.002)
-    near_row, neighbour = interpreted(border.nearest_in_row), interpreted(border.neighbour)
-    before, after = np.empty(120, dtype=np.int64), np.empty(120, dtype=np.int64)
+    neighbour = interpreted(border.neighbour)
+    above, below = np.empty((2, 40, 120), dtype=np.uint8)
+    depth_trust.fill_rows_away(trust.astype(np.uint8), above, below)
     met = set()
     for y in range(40):
-        near_row(trust[y], before, after)
-        for x in range(120):
-            known = np.flatnonzero(trust[y])
-            assert before[x] == max(known[known < x], default=-1)
-            assert after[x] == min(known[known > x], default=-1)
-            found = [neighbour(trust, y, x, side, before, after) for side in range(4)]
+        known = np.flatnonzero(trust[y])
+        for x in np.flatnonzero(~trust[y]):
+            before, after = max(known[known < x], default=-1), min(known[known > x], default=-1)
+            found = [neighbour(above, below, y, x, side, before, after) for side in range(4)]
             assert [at for at in found if at != (-1, -1)] == slow_neighbours(trust, y, x)
             met |= {side for side in range(4) if found[side] != (-1, -1)}
     assert met == {0, 1, 2, 3}
@@ -125,7 +163,9 @@ def lost_rims(scene: Scene, rim_px: int) -> Array:
 
 
 def extended(scene: Scene, match: Match) -> Match:
-    return border.extend(match, scene.views(), scene.phase(), PROJECTOR, PROJECTOR.rad_per_column, Settings())
+    result = Match(*(image.copy() for image in match.images()))
+    border.extend(result, scene.views(), scene.phase(), PROJECTOR, PROJECTOR.rad_per_column, Settings())
+    return result
 
 
 def images(match: Match) -> Array:
@@ -233,12 +273,11 @@ def test_a_shadow_gets_nothing_where_light_is_promised() -> None:
 @pytest.mark.parametrize("seed", [5, 6])
 def test_trusted_pixels_stay_bit_for_bit(seed: int) -> None:
     match = SCENE.match(spoilt(SCENE, seed))
-    trust = border.trusted(match.disparity_px)
+    trust = looked(match.disparity_px).trust.astype(bool)
     before = images(match)
     after = images(extended(SCENE, match))
     assert 0.5 < trust.mean() < 0.95
     np.testing.assert_array_equal(after[:, trust], before[:, trust])
-    np.testing.assert_array_equal(images(match), before)
 
 
 @pytest.mark.parametrize("fill", [np.nan, 12.0])

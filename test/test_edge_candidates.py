@@ -60,8 +60,9 @@ def test_candidates_are_the_intersections_in_space(name: str) -> None:
     for y in range(8):
         for number in range(6):
             slow = slow_candidates(rig, float(right.x_px[y, number]), float(y), int(right.side[y, number]), rising)
-            left_x = candidates.left_x_px[y, number]
-            given = {int(k): float(v) for k, v in zip(candidates.half_order[y, number], left_x, strict=True) if v == v}
+            left_x = candidates.left_x_px[y, :, number]
+            half_order = candidates.half_order[y, number] + 2 * np.arange(left_x.size)
+            given = {int(k): float(v) for k, v in zip(half_order, left_x, strict=True) if v == v}
             assert given.keys() == slow.keys()
             for order, column in slow.items():
                 # float32 of a column up to 640 px.
@@ -78,7 +79,7 @@ def test_the_line_is_that_of_equation_11() -> None:
     M = rig.P_right / rig.P_right[2, 2]
     for number in range(2):
         x = float(right.x_px[0, number])
-        left_x = candidates.left_x_px[0, number].astype(np.float64)
+        left_x = candidates.left_x_px[0, :, number].astype(np.float64)
         left_x = left_x[np.isfinite(left_x)]
         assert left_x.size >= 4
         Z = rig.depth_m(left_x - x)
@@ -91,7 +92,7 @@ def test_orders_are_half_a_period_apart_for_the_two_sides() -> None:
     """physics.md: candidates k orders off lie 38.2 px apart, off phase by 105 degrees a step."""
     rig = RIGS["paper"]
     candidates = candidates_of(edge_rows([[(300.0, 1)]]), rig)
-    left_x = candidates.left_x_px[0, 0]
+    left_x = candidates.left_x_px[0, :, 0]
     steps = np.abs(np.diff(left_x[np.isfinite(left_x)]))
     np.testing.assert_allclose(steps, paper_pattern().period_px * 94.0 / 41.0, atol=1e-3)
     turns = steps[0] / paper_pattern().period_px
@@ -106,4 +107,4 @@ def test_a_row_without_edges_has_no_candidates() -> None:
     room.left_x_px[:] = -5.0
     candidates = find_candidates(right, rays, room=room)
     assert np.all(candidates.left_x_px[0] == -5.0)
-    assert np.isfinite(candidates.left_x_px[1, 0]).sum() >= 4
+    assert np.isfinite(candidates.left_x_px[1, :, 0]).sum() >= 4

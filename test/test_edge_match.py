@@ -9,36 +9,34 @@ import pytest
 from edge_rigs import edge_rows, random_edges
 
 from moire_sensor.edge_candidates import Candidates
+from moire_sensor.edge_cost import NEAR, TIE_BREAK, matching_rules
 from moire_sensor.edge_find import EdgeRows
-from moire_sensor.edge_match import EdgeMatch, match_edges, matching_rules
-from moire_sensor.edge_programme import NEAR, TIE_BREAK
+from moire_sensor.edge_match import EdgeMatch, match_edges
 from moire_sensor.edge_settings import EdgeSettings
-from moire_sensor.edge_spread import in_company, spread_rows
+from moire_sensor.edge_spread import drop_loners, spread_rows
 
 RANGE_PX = (50.0, 150.0)
 PERIOD_PX = 16.6652
 SAME_SIDE_PX = 0.072 * PERIOD_PX
 
 
-def candidates_at(columns: list[list[list[float]]], orders: list[list[list[int]]] | None = None) -> Candidates:
+def candidates_at(columns: list[list[list[float]]], orders: list[list[int]] | None = None) -> Candidates:
     """Candidates given row by row, edge by edge."""
     most = max([1, *(len(edge) for row in columns for edge in row)])
-    left_x = np.full((len(columns), max([1, *(len(row) for row in columns)]), most), np.nan, dtype=np.float32)
-    half_order = np.zeros(left_x.shape, dtype=np.int32)
+    left_x = np.full((len(columns), most, max([1, *(len(row) for row in columns)])), np.nan, dtype=np.float32)
+    half_order = np.zeros(left_x[:, 0].shape, dtype=np.int32)
     for y, row in enumerate(columns):
         for number, edge in enumerate(row):
-            left_x[y, number, : len(edge)] = edge
+            left_x[y, : len(edge), number] = edge
             if orders is not None:
-                half_order[y, number, : len(edge)] = orders[y][number]
+                half_order[y, number] = orders[y][number]
     return Candidates(left_x, half_order)
 
 
 Edges = list[tuple[float, int]]
 
 
-def matched(
-    left: EdgeRows, right: EdgeRows, candidates: Candidates, settings: EdgeSettings | None = None
-) -> EdgeMatch:
+def matched(left: EdgeRows, right: EdgeRows, candidates: Candidates, settings: EdgeSettings | None = None) -> EdgeMatch:
     settings = settings or EdgeSettings()
     return match_edges(left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings), settings.rows)
 
@@ -85,7 +83,7 @@ def cost_of(
 
 @pytest.mark.parametrize("lambda_off", [0.0, 0.4])
 def test_matches_are_those_of_an_exhaustive_search(lambda_off: float) -> None:
-    """Rows of up to five edges, of different numbers, as the kernel takes eight rows at a time."""
+    """Rows of up to five edges, of different numbers."""
     generator = np.random.default_rng(5)
     settings = EdgeSettings(lambda_oc=0.9, lambda_off=lambda_off)
     lefts = [random_edges(generator, 95.0, 150.0, int(generator.integers(0, 6))) for _ in range(150)]
@@ -148,14 +146,20 @@ def test_an_edge_of_the_other_side_or_of_another_height_is_no_correspondence() -
 def test_company_asks_for_neighbours_of_the_next_fringe_edge() -> None:
     left = edge_rows([even_edges(200.0, 5)])
     right = edge_rows([even_edges(100.0, 5)])
-    orders = [[[4], [5], [6], [9], [10]]]
+    orders = [[4, 5, 6, 9, 10]]
     candidates = candidates_at([[[x] for x, _ in even_edges(200.0, 5)]], orders)
     match = matched(left, right, candidates)
-    assert in_company(match, left, candidates, 1).tolist() == [[True] * 5]
-    assert in_company(match, left, candidates, 2).tolist() == [[True] * 5]
-    assert in_company(match, left, candidates, 3).tolist() == [[True, True, True, False, False]]
+
+    def kept(min_run: int) -> list[bool]:
+        partner = match.partner[0].copy()
+        drop_loners(partner, match.candidate[0], candidates.half_order[0], 5, min_run)
+        return [bool(number >= 0) for number in partner]
+
+    assert kept(1) == [True] * 5
+    assert kept(2) == [True] * 5
+    assert kept(3) == [True, True, True, False, False]
     match.partner[0, 1] = -1
-    assert in_company(match, left, candidates, 2).tolist() == [[False, False, False, True, True]]
+    assert kept(2) == [False, False, False, True, True]
 
 
 def test_rows_between_follow_edges_that_drift_and_stop_where_they_end() -> None:
@@ -179,7 +183,7 @@ def test_a_followed_edge_must_confirm_the_same_fringe() -> None:
     left = edge_rows([row, row])
     right = edge_rows([[(x - 100.0, side) for x, side in row]] * 2)
     columns = [[[x] for x, _ in row]] * 2
-    candidates = candidates_at(columns, [[[0], [3], [2]], [[0], [1], [2]]])
+    candidates = candidates_at(columns, [[0, 3, 2], [0, 1, 2]])
     match = matched(left, right, candidates, settings)
     spread_rows(match, left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings), settings)
     assert match.partner.tolist() == [[0, -1, 2], [0, 1, 2]]

@@ -163,7 +163,7 @@ def test_geometry_is_rendered_once_while_nothing_moves(monkeypatch: pytest.Monke
     with VirtualHead("flat_board") as head:
         renders: list[object] = []
         render = head._renderer.render
-        monkeypatch.setattr(head._renderer, "render", lambda view: (renders.append(view), render(view))[1])
+        monkeypatch.setattr(head._renderer, "render", lambda *view: (renders.append(view), render(*view))[1])
         for index in range(3):
             head.expose(paper_pattern(4), index, index)
         head.ambient()

@@ -76,6 +76,88 @@ def test_robots_and_worlds_stand_where_their_files_say(tmp_path: Path, name: str
     assert moved[60, 5] == pytest.approx(1.5, abs=1e-4)
 
 
+def sdf(*models: str) -> str:
+    return f'<sdf version="1.6">{"".join(models)}</sdf>'
+
+
+def held(tag: str, pose: str, *within: str) -> str:
+    return f'<{tag} name="{tag}"><pose>{pose}</pose>{"".join(within)}</{tag}>'
+
+
+CUBE = "<geometry><box><size>0.2 0.2 0.2</size></box></geometry>"
+ROUND = "<geometry><{0}><radius>0.1</radius><length>0.4</length></{0}></geometry>"
+PLANE = "<geometry><plane><normal>0 0 1</normal><size>0.2 0.2</size></plane></geometry>"
+AHEAD, LYING, HALF_TURN = "1.5 0.05 0 0 0 0", "0 0 0 0 1.5707963267948966 0", "0 0 3.141592653589793"
+UPRIGHT = "1.5 0.05 0 0 -1.5707963267948966 0"
+
+
+def one(model: str, link: str = "", visual: str = "", shape: str = CUBE) -> str:
+    return held("model", model, held("link", link, held("visual", visual, shape)))
+
+
+@pytest.mark.parametrize(
+    ("model", "front_m", "widest_m"),
+    [
+        (one("1 0.05 0 0 0 0", "0.3 0 0 0 0 0", "0.2 0 0 0 0 0"), 1.4, 1.4),
+        (one("", AHEAD), 1.4, 1.4),
+        (held("world", "", one(AHEAD)), 1.4, 1.4),
+        # Half a turn of the model takes what lies 0.3 m behind it to 0.3 m before it.
+        (one(f"1.8 0.05 0 {HALF_TURN}", "0.3 0 0 0 0 0"), 1.4, 1.4),
+        (held("model", "0.5 0.05 0 0 0 0", one("1 0 0 0 0 0")), 1.4, 1.4),
+        (one(AHEAD, "", LYING, ROUND.format("cylinder")), 1.3, 1.3),
+        (one(AHEAD, "", LYING, ROUND.format("capsule")), 1.2, 1.3),
+        # Its face looks up, so back to the head where it is turned by a quarter about y.
+        (one(UPRIGHT, shape=PLANE), 1.5, 1.5),
+    ],
+    ids=["each its own", "link", "world", "turned", "within", "cylinder", "capsule", "plane"],
+)
+def test_each_pose_of_an_sdf_file_counts(tmp_path: Path, model: str, front_m: float, widest_m: float) -> None:
+    """Model, link and visual each add their pose; the middle always lies 0.05 m to the left of the head's zero."""
+    depth_m = depth_before(str(written(tmp_path, sdf(model), "world.sdf")))
+    assert np.nanmin(depth_m) == pytest.approx(front_m, abs=1e-4)
+    columns, rows = (np.flatnonzero(np.isfinite(depth_m).any(axis=axis)) for axis in (0, 1))
+    # What is 0.2 m across, seen from the front: 312.5 px focal length here.
+    assert columns[[0, -1]] == pytest.approx(80.9 + 312.5 * np.array([-0.15, 0.05]) / widest_m, abs=1.0)
+    assert rows[[0, -1]] == pytest.approx(55.4 + 313.7 * np.array([-0.1, 0.1]) / widest_m, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("within", "words"),
+    [
+        ("<include><uri>model://tree</uri></include>", "has <include>, which is not read; put the models into"),
+        ("<link name='l'><pose relative_to='other'>1 0 0 0 0 0</pose></link>", "link 'l' has a pose with relative_to"),
+        ("<link name='l'><pose>1 0 0</pose></link>", "link 'l': <pose> is '1 0 0'; give 6 finite number"),
+        ("<link name='l'><pose>1 0 0 0 0 nan</pose></link>", "<pose> is '1 0 0 0 0 nan'; give 6 finite"),
+        ("<link name='l'><visual name='v'><geometry><road/></geometry></visual></link>", "geometry is 'road'; give"),
+        ("<link name='l'><visual name='v'/></link>", "geometry is 'of several kinds, or none'; give one of box"),
+        (
+            "<link name='l'><visual name='v'><geometry><mesh><uri>model://a.dae</uri></mesh></geometry></visual></link>",
+            "mesh 'model://a.dae' is not read; give .obj or .stl",
+        ),
+        (
+            "<link name='l'><visual name='v'><geometry><sphere><radius>-1</radius></sphere></geometry></visual></link>",
+            "<radius> is -1; it must be more than 0 m",
+        ),
+        ("<link name='l'/>", "has no model with a link with a visual; there is nothing to see"),
+    ],
+)  # fmt: skip
+def test_an_sdf_file_that_is_not_understood_is_one_clear_line(tmp_path: Path, within: str, words: str) -> None:
+    path = written(tmp_path, sdf(f"<model name='m'>{within}</model>"), "world.sdf")
+    with pytest.raises(SceneError, match=words) as caught:
+        load_scene(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_an_sdf_body_moves_as_a_whole_and_keeps_its_colours(tmp_path: Path) -> None:
+    dark = "<material><diffuse>0.4 0.4 0.4 1</diffuse></material>"
+    link = held("link", "", held("visual", "0 0.3 0 0 0 0", CUBE), held("visual", "0 -0.3 0 0 0 0", CUBE, dark))
+    written(tmp_path, sdf(held("model", "1.0 0 0 0 0 0", link)), "pair.sdf")
+    move = "motion: {path: {times_s: [0, 1], shifts_m: [[0, 0, 0], [0, 0, 0.5]]}}"
+    scene = load_scene(str(written(tmp_path, f"format: 1\nbodies:\n- {{sdf: {{file: pair.sdf}}, {move}}}\n")))
+    assert [body.albedo for body in scene.bodies] == [0.9, 0.4]
+    assert all(body.motion is not None and body.motion.pose(1.0)[2, 3] == 0.5 for body in scene.bodies)
+
+
 def test_meshes_are_read_scaled_turned_and_placed(tmp_path: Path) -> None:
     """A cube of 2 units, x ahead, y left, z up, half as large, a quarter turn about z, its middle 1.2 m ahead."""
     cube = box((0.0, 0.0, 0.0), (2.0, 2.0, 4.0), 1.0)

@@ -16,6 +16,8 @@ from moire_sensor.ros.kernels import warm_up
 from moire_sensor.settings import Settings
 from moire_sim.device_view import DeviceView
 from moire_sim.fringe_image import light_surfaces
+from moire_sim.render_maths import FAR_M, NEAR_M
+from moire_sim.surface_kernels import fill_bodies, fill_depth
 
 
 def main() -> int:
@@ -25,6 +27,8 @@ def main() -> int:
     rig, wall_m, white = paper_rig(), np.ones((48, 64)), np.ones((48, 64), dtype=np.float32)
     view = DeviceView.of(rig.P_left, (64, 48))
     light_surfaces(rig, view, wall_m, white, view, wall_m)
+    fill_depth(white.ravel(), NEAR_M, FAR_M, wall_m.ravel())
+    fill_bodies(np.zeros(48 * 64, np.int32), np.zeros(1, np.int32), wall_m.ravel(), np.empty(48 * 64, np.int32))
     return 0
 
 

@@ -17,8 +17,10 @@ from tools.bench.realism import (
     ALLOWED_RATIO,
     FLAW_SCENE,
     FLAWS,
+    NO_FALL_OFF,
     RealismRecord,
     flaw_records,
+    ratio,
     realism_records,
 )
 from tools.bench.tables import Table, number, percent
@@ -50,8 +52,9 @@ REALISM_NOTE = (
     " scenes at 1.6 s. Depth range 0.5 to 2 m, in rooms to 4.5 m. Ratio: of the medians, allowed is"
     f" {ALLOWED_RATIO:g}; an asterisk marks more. Predicted: the ratio of the errors that `dense` itself predicts from"
     " the amplitude and the noise that it measures. Where both agree, light is all that is missing: the projector's"
-    " light falls off with the square of the distance, so where something near sets the exposure, a far wall is dark"
-    " (doorway, corridors). Where the ratio is above the prediction, surfaces and lenses take part (texture, gloss)."
+    " light falls off with the square of the distance, so where something near sets the exposure, a far wall is dark."
+    " Ideal optics light it as if it were near. Even light: the ratio under a projector that does the same, all other"
+    " flaws as they are, for the scenes with an asterisk."
 )
 FLAW_NOTE = (
     f"What each flaw costs in `{FLAW_SCENE}`: the realistic preset with one flaw left out at a time. What is left out"
@@ -105,18 +108,21 @@ def realism_table(records: Sequence[RealismRecord]) -> Table:
     """Return one row a scene, both optics side by side."""
     columns = (
         "scene", "complete % clean", "realistic", "off > 1 px % clean", "realistic", "median mm clean", "realistic",
-        "ratio", "predicted",
+        "ratio", "predicted", "even light",
     )  # fmt: skip
     rows = []
     for clean, real in pairs_of(records):
-        ratio = real.score.median_error_mm / clean.score.median_error_mm
         cells = [
             text(getattr(one.score, name))
             for name, text in (("completeness", percent), ("outlier_share", percent), ("median_error_mm", number))
             for one in (clean, real)
         ]
-        mark = " *" if ratio > ALLOWED_RATIO else ""
-        rows.append((clean.scene, *cells, number(ratio, 1) + mark, number(real.sigma_mm / clean.sigma_mm, 1)))
+        mark = " *" if ratio(clean, real) > ALLOWED_RATIO else ""
+        even = "".join(
+            number(ratio(clean, one), 1) for one in records if (one.scene, one.optics) == (clean.scene, NO_FALL_OFF)
+        )
+        predicted = number(real.sigma_mm / clean.sigma_mm, 1)
+        rows.append((clean.scene, *cells, number(ratio(clean, real), 1) + mark, predicted, even))
     return Table("Simulator: real optics beside ideal ones", REALISM_NOTE, columns, tuple(rows))
 
 

@@ -1,0 +1,133 @@
+"""Which pixels can be trusted, which lie near them, and what the right image shows of their surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from numba import njit, prange
+
+from moire_sensor.angles import NAN_SAFE
+from moire_sensor.depth_offer import NO_CLAIM, RIM_PX
+from moire_sensor.phase_carrier import Float32
+from moire_sensor.scratch import scratch
+
+JUMP_PX = np.float32(1.0)
+# Only pixels so near to a trusted one are looked at; along the row a plane is carried further, across a shadow.
+REACH_PX, ROW_REACH_PX = 14, 80
+FAR = np.uint8(REACH_PX + 1)
+# Columns that one task follows from row to row.
+BLOCK_PX = 64
+
+Flags = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Trust:
+    """Work memory of a round, arrays (H, W).
+
+    Attributes
+    ----------
+    disparity : float32, disparities at the begin of the round, NaN where unknown.
+    trust : uint8, 1 for pixels with a disparity and neither jump nor hole within ``RIM_PX``.
+    fresh : uint8, 1 for those that were not trusted in the round before.
+    near : uint8, 1 within ``REACH_PX`` of a fresh one in both directions.
+    above, below : uint8, rows to the nearest trusted pixel of the column, ``FAR`` where none lies in reach.
+    claim : float32, disparity of the nearest trusted surface that each right pixel shows, ``NO_CLAIM`` where none.
+    """
+
+    disparity: Float32
+    trust: Flags
+    fresh: Flags
+    near: Flags
+    above: Flags
+    below: Flags
+    claim: Float32
+
+    @classmethod
+    def of(cls, shape: tuple[int, int]) -> Trust:
+        """Return this thread's work memory, with nothing trusted."""
+        room = scratch(("trust", shape), lambda: cls.make(shape))
+        room.trust[:] = 0
+        return room
+
+    @classmethod
+    def make(cls, shape: tuple[int, int]) -> Trust:
+        """Return new work memory."""
+        flags = [np.zeros(shape, dtype=np.uint8) for _ in range(5)]
+        return cls(np.empty(shape, dtype=np.float32), *flags, np.empty(shape, dtype=np.float32))
+
+    def look(self, disparity_px: Float32) -> None:
+        """Fill all for the disparities (H, W) of a new round."""
+        np.copyto(self.disparity, disparity_px)
+        mark_calm(self.disparity, self.above)
+        cv2.erode(self.above, square(RIM_PX), dst=self.below)
+        np.greater(self.below, self.trust, out=self.fresh.view(np.bool_))
+        np.copyto(self.trust, self.below)
+        cv2.dilate(self.fresh, square(REACH_PX), dst=self.near)
+        fill_rows_away(self.trust, self.above, self.below)
+        fill_claims(self.disparity, self.trust, self.claim)
+
+
+def square(reach: int) -> Flags:
+    """Window of ``reach`` pixels on all sides of its middle."""
+    return np.ones((2 * reach + 1, 2 * reach + 1), dtype=np.uint8)
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def mark_calm(disparity, calm):  # type: ignore[no-untyped-def]
+    """Fill ``calm`` (H, W): 1 where a pixel and its right and lower neighbour are known and lie on one surface."""
+    height, width = disparity.shape
+    for row in prange(height):
+        y = np.int64(row)
+        here, below = disparity[y], disparity[min(y + 1, height - 1)]
+        for x in range(width - 1):
+            calm[y, x] = (abs(here[x + 1] - here[x]) <= JUMP_PX) & (abs(below[x] - here[x]) <= JUMP_PX)
+        calm[y, width - 1] = abs(below[width - 1] - here[width - 1]) <= JUMP_PX
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def fill_rows_away(trust, above, below):  # type: ignore[no-untyped-def]
+    """Fill ``above`` and ``below`` (H, W) with the rows to the nearest trusted pixel, at most ``FAR``."""
+    height, width = trust.shape
+    for block in prange((width + BLOCK_PX - 1) // BLOCK_PX):
+        first = np.int64(block) * BLOCK_PX
+        part = slice(first, min(first + BLOCK_PX, width))
+        above[0, part] = FAR
+        for y in range(1, height):
+            step_away(trust[y - 1, part], above[y - 1, part], above[y, part])
+        below[height - 1, part] = FAR
+        for y in range(height - 2, -1, -1):
+            step_away(trust[y + 1, part], below[y + 1, part], below[y, part])
+
+
+@njit(inline="always", fastmath=False)
+def step_away(trust, before, away):  # type: ignore[no-untyped-def]
+    """Fill the distances of a row from those of the row before."""
+    for x in range(trust.size):
+        further = np.uint8(before[x] + np.uint8(1))
+        further = further if further < FAR else FAR
+        away[x] = np.uint8(1) if trust[x] else further
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def fill_claims(disparity, trust, claim):  # type: ignore[no-untyped-def]
+    """Fill ``claim`` (H, W): trusted pixels claim the two right pixels they fall between."""
+    height, width = disparity.shape
+    for row in prange(height):
+        y = np.int64(row)
+        claims, first = claim[y], NO_CLAIM
+        claims[:] = NO_CLAIM
+        for x in range(width):
+            if trust[y, x]:
+                value = disparity[y, x]
+                column = int(np.floor(np.float32(x) - value))
+                if 0 <= column < width:
+                    claims[column] = max(claims[column], value)
+                elif column == -1:
+                    first = max(first, value)
+        for column in range(width - 1, 0, -1):
+            claims[column] = max(claims[column], claims[column - 1])
+        claims[0] = max(claims[0], first)

@@ -1,0 +1,14 @@
+"""Bands of rows: each is worked through by one thread, with row buffers of its own, from top to bottom."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+LANES = 8
+
+
+@njit(inline="always")
+def lane_rows(lane, height):  # type: ignore[no-untyped-def]
+    """First row of a lane, and the first behind it."""
+    return np.int64(lane) * height // LANES, (np.int64(lane) + 1) * height // LANES
