@@ -60,6 +60,8 @@ class OrderPaths:
         workers = get_num_threads()
         self._rows = rows
         self._jump = np.int16(round(float(UNITS) * jump_cost))
+        # Between rows that each speak for several a jump weighs less against what they cost, as between rows of each.
+        self._jump_down = np.int16(round(float(UNITS) * jump_cost / float(np.diff(rows).max(initial=1))))
         self.cost = np.zeros((lines, labels, columns), dtype=np.uint8)
         self._total = np.zeros((lines, labels, columns), dtype=np.int16)
         self._down = np.full((lines, width), ANEW, dtype=np.int8)
@@ -96,7 +98,7 @@ class OrderPaths:
         )  # fmt: skip
         choose_by_columns(
             self.cost, self._total, self._down, offset_rad, self._rows, self._stripe_states, self._stripe_ranks,
-            self._jump, self._label, self._runner_up, self._margin,
+            self._jump_down, self._label, self._runner_up, self._margin,
         )  # fmt: skip
         return self._label, self._runner_up, self._margin
 
