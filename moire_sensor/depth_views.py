@@ -31,8 +31,8 @@ SWAPPED_SHARE = 0.75
 MAX_CLOSEST_RAD = 0.22
 
 
-def typical_mismatch_rad(match: Match, keep: npt.NDArray[np.bool_]) -> float:
-    """Upper quartile over patches of the absolute mean left-right phase mismatch; NaN where there is no patch.
+def patch_mismatch_rad(match: Match, keep: npt.NDArray[np.bool_]) -> tuple[float, float]:
+    """Upper quartile and maximum over patches of the absolute mean left-right phase mismatch; NaN without any patch.
 
     Parameters
     ----------
@@ -47,7 +47,10 @@ def typical_mismatch_rad(match: Match, keep: npt.NDArray[np.bool_]) -> float:
     ]
     count, total = tiles[0].sum(axis=(1, 3)), tiles[1].sum(axis=(1, 3))
     enough = count > MIN_PATCH_SHARE * PATCH_PX**2
-    return float(np.percentile(np.abs(total[enough] / count[enough]), 75)) if enough.any() else float("nan")
+    if not enough.any():
+        return float("nan"), float("nan")
+    mean = np.abs(total[enough] / count[enough])
+    return float(np.percentile(mean, 75)), float(mean.max())
 
 
 def orders_fail(

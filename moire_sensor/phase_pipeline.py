@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from moire_sensor.depth_accord import FOREIGN_RAD, agreeing
 from moire_sensor.depth_border import extend
 from moire_sensor.depth_bridge import bridge
 from moire_sensor.depth_check import drop_rivals, drop_slivers, without_specks
@@ -14,7 +15,7 @@ from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.depth_surface import along_surface
-from moire_sensor.depth_views import orders_fail, typical_mismatch_rad
+from moire_sensor.depth_views import orders_fail, patch_mismatch_rad
 from moire_sensor.order_range import OrderRange
 from moire_sensor.order_solver import OrderSolver
 from moire_sensor.pattern import FringePattern
@@ -190,19 +191,6 @@ class PhasePipeline:
         check_greys(match, greys, phase.amplitude, self.settings)
         return averaged(match, self.settings.half_mean_steps_px)
 
-    def _views_agree(
-        self,
-        phases: tuple[PhaseImage, PhaseImage],
-        match: Match,
-        keep: npt.NDArray[np.bool_],
-        typical_rad: float,
-    ) -> bool:
-        """Whether rig, pattern and images fit each other; where the projector measures, alignment matters less."""
-        limit = self.settings.max_typical_mismatch_rad * (1.0 if self._by_stereo else PROJECTOR_SLACK)
-        if typical_rad > limit:
-            return False
-        return not orders_fail(match, keep, phases, self._carriers, self._projector, self._orders)
-
     def _shot(
         self, phases: tuple[PhaseImage, PhaseImage], match: Match, margin: Float32, keep: npt.NDArray[np.bool_]
     ) -> Shot:
@@ -212,8 +200,12 @@ class PhasePipeline:
             depth = focal_times_baseline / (match.disparity_px - np.float32(self.rig.disparity_at_infinity_px))
         nearest, farthest = self.depth_range_m
         keep = keep & (depth >= nearest * (1.0 - RANGE_MARGIN)) & (depth <= farthest * (1.0 + RANGE_MARGIN))
-        typical_rad = typical_mismatch_rad(match, keep)
-        views_agree = self._views_agree(phases, match, keep, typical_rad)
+        limit_rad = self.settings.max_typical_mismatch_rad * (1.0 if self._by_stereo else PROJECTOR_SLACK)
+        typical_rad, worst_rad = patch_mismatch_rad(match, keep)
+        matched = keep
+        if typical_rad > limit_rad or worst_rad > FOREIGN_RAD:
+            keep = agreeing(match, matched, typical_rad <= limit_rad)
+        views_agree = not orders_fail(match, keep, phases, self._carriers, self._projector, self._orders)
         lost = Status.OCCLUDED if views_agree else Status.AMBIGUOUS
         keep &= views_agree
         depth[~keep] = np.nan
@@ -225,7 +217,7 @@ class PhasePipeline:
         sigma = depth * depth / focal_times_baseline * match.sigma_px
         status = np.where(keep, np.uint8(Status.OK), phases[0].status)
         status[(status == Status.OK) & ~keep] = lost
-        status[doubtful] = Status.AMBIGUOUS
+        status[doubtful | (matched & ~keep)] = Status.AMBIGUOUS
         return Shot(
             depth_m=depth,
             depth_sigma_m=sigma.astype(np.float32, copy=False),
