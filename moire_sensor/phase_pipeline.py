@@ -13,6 +13,7 @@ from moire_sensor.depth_check import drop_slivers, is_unique, without_specks
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
+from moire_sensor.depth_shot import drop_out_of_range, results
 from moire_sensor.depth_surface import along_surface
 from moire_sensor.depth_views import orders_fail, typical_mismatch_rad
 from moire_sensor.order_range import OrderRange
@@ -30,7 +31,6 @@ from moire_sensor.shot import Shot, Status
 
 # Mismatch that shading, or motion between the steps, can put between the two phases of one point.
 SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
-RANGE_MARGIN = 0.02
 # Lets the projector steady the start of a match by grey levels where shading moves the phases.
 START_ALIGNMENT_PX = 0.15
 # Runs shorter than this are accidents; from one window of a period, those shorter than this share of it.
@@ -92,9 +92,7 @@ class PhasePipeline:
         least_px = int(SLIVER_PERIODS * (2 * self._carriers[0].half_width_px))
         if not self._by_stereo:
             usual = settings, settings.max_mismatch_rad
-            return Way(True, SHADING_SINGLE_RAD, *usual, least_px), Way(
-                False, SHADING_STEPS_RAD, *usual, SLIVER_PX
-            )
+            return Way(True, SHADING_SINGLE_RAD, *usual, least_px), Way(False, SHADING_STEPS_RAD, *usual, SLIVER_PX)
         # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
         starting = replace(settings, alignment_px=min(settings.alignment_px, START_ALIGNMENT_PX))
         strict = replace(settings, alignment_px=0.0), settings.max_mismatch_steps_rad
@@ -157,7 +155,7 @@ class PhasePipeline:
             bridge(match, greys, phases[0].amplitude, self.settings)
             if way.single:
                 drop_slivers(match.disparity_px, SLIVER_PX)
-        return self._shot(phases, match, margin, np.isfinite(match.disparity_px))
+        return self._shot(phases, match, margin)
 
     def _refine(
         self,
@@ -190,45 +188,31 @@ class PhasePipeline:
         """Pixels with a match whose right pixel no better match claims."""
         return is_unique(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
 
-    def _views_agree(
-        self,
-        phases: tuple[PhaseImage, PhaseImage],
-        match: Match,
-        keep: npt.NDArray[np.bool_],
-        typical_rad: float,
-    ) -> bool:
+    def _views_agree(self, phases: tuple[PhaseImage, PhaseImage], match: Match, typical_rad: float) -> bool:
         """Whether rig, pattern and images fit each other; where the projector measures, alignment matters less."""
         limit = self.settings.max_typical_mismatch_rad * (1.0 if self._by_stereo else PROJECTOR_SLACK)
         if typical_rad > limit:
             return False
-        return not orders_fail(match, keep, phases, self._carriers, self._projector, self._orders)
+        return not orders_fail(match, phases, self._carriers, self._projector, self._orders)
 
-    def _shot(
-        self, phases: tuple[PhaseImage, PhaseImage], match: Match, margin: Float32, keep: npt.NDArray[np.bool_]
-    ) -> Shot:
-        """The result: depth where the disparity is kept, lies in the range and the views as a whole agree."""
-        focal_times_baseline = np.float32(self.rig.fx_px * self.rig.baseline_m)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            depth = focal_times_baseline / (match.disparity_px - np.float32(self.rig.disparity_at_infinity_px))
-        nearest, farthest = self.depth_range_m
-        keep = keep & (depth >= nearest * (1.0 - RANGE_MARGIN)) & (depth <= farthest * (1.0 + RANGE_MARGIN))
-        typical_rad = typical_mismatch_rad(match, keep)
-        views_agree = self._views_agree(phases, match, keep, typical_rad)
-        lost = Status.OCCLUDED if views_agree else Status.AMBIGUOUS
-        keep &= views_agree
-        depth[~keep] = np.nan
-        disparity = np.where(keep, match.disparity_px, np.float32(np.nan))
-        confidence = confidence_of(disparity, match, margin)
-        doubtful = keep & (confidence < np.float32(self.settings.min_confidence))
-        for image, unknown in ((depth, np.nan), (disparity, np.nan), (confidence, 0.0), (keep, False)):
-            image[doubtful] = unknown
-        sigma = depth * depth / focal_times_baseline * match.sigma_px
-        status = np.where(keep, np.uint8(Status.OK), phases[0].status)
-        status[(status == Status.OK) & ~keep] = lost
-        status[doubtful] = Status.AMBIGUOUS
+    def _shot(self, phases: tuple[PhaseImage, PhaseImage], match: Match, margin: Float32) -> Shot:
+        """The result: depth where there is a disparity in the range and the views as a whole agree."""
+        drop_out_of_range(match.disparity_px, self.rig, self.depth_range_m)
+        typical_rad = typical_mismatch_rad(match.signed_mismatch_rad, match.disparity_px)
+        views_agree = self._views_agree(phases, match, typical_rad)
+        if not views_agree:
+            match.disparity_px.fill(np.nan)
+        confidence = confidence_of(match.disparity_px, match, margin)
+        depth, sigma, disparity, status = results(
+            (match.disparity_px, match.sigma_px, confidence),
+            phases[0].status,
+            self.rig,
+            self.settings.min_confidence,
+            Status.OCCLUDED if views_agree else Status.AMBIGUOUS,
+        )
         return Shot(
             depth_m=depth,
-            depth_sigma_m=sigma.astype(np.float32, copy=False),
+            depth_sigma_m=sigma,
             disparity_px=disparity,
             fringe_order=fringe_orders(disparity, self._projector),
             confidence=confidence,
