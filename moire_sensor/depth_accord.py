@@ -6,13 +6,15 @@ way. So connected surfaces are judged as wholes, and only in images where someth
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.depth_refine import Match
+from moire_sensor.phase_carrier import Float32
 
-Mask = npt.NDArray[np.bool_]
 # Neighbours further apart lie on different surfaces.
 JUMP_PX = 1.0
 PATCH_PX = 32
@@ -25,37 +27,33 @@ FOREIGN_RAD = 0.5
 SURE_RAD, SURE_SHARE = 0.05, 0.17
 
 
-def agreeing(match: Match, keep: Mask, views_fit: bool) -> Mask:
-    """Pixels (H, W) of ``keep`` on surfaces whose two phases agree.
+def agreeing(match: Match, views_fit: bool) -> Match:
+    """The match with disparities only on surfaces whose two phases agree.
 
     Parameters
     ----------
     match : the final match.
-    keep : (H, W) bool, pixels that would get a depth.
     views_fit : whether left and right view fit each other over most of the image. If not, only surfaces beyond doubt
         are kept, and none where they are few: then rig or pattern are wrong, not the depth range.
     """
-    surface = surfaces(match, keep)
-    mismatch_rad, pixels = mismatch_of(surface, match)
-    if views_fit:
-        return keep & ~(mismatch_rad > FOREIGN_RAD)[surface]
-    sure = mismatch_rad < SURE_RAD
-    if pixels[sure].sum() < SURE_SHARE * pixels.sum():
-        return np.zeros_like(keep)
-    return keep & sure[surface]
+    surface = surfaces(match.disparity_px)
+    mismatch_rad, pixels = mismatch_of(surface, match.signed_mismatch_rad)
+    agree = ~(mismatch_rad > FOREIGN_RAD) if views_fit else mismatch_rad < SURE_RAD
+    if not views_fit and pixels[agree].sum() < SURE_SHARE * pixels.sum():
+        agree[:] = False
+    return replace(match, disparity_px=np.where(agree[surface], match.disparity_px, np.float32(np.nan)))
 
 
-def surfaces(match: Match, keep: Mask) -> npt.NDArray[np.int32]:
-    """Number of the connected surface of every pixel (H, W), 0 beside a jump and where nothing is kept."""
-    inside = keep.copy()
-    disparity = match.disparity_px
+def surfaces(disparity: Float32) -> npt.NDArray[np.int32]:
+    """Number of the connected surface of every pixel (H, W), 0 beside a jump and where the disparity is NaN."""
+    inside = np.isfinite(disparity)
     inside[:, :-1] &= np.abs(np.diff(disparity, axis=1)) <= JUMP_PX
     inside[:-1] &= np.abs(np.diff(disparity, axis=0)) <= JUMP_PX
     return np.asarray(cv2.connectedComponents(inside.view(np.uint8), connectivity=4)[1], dtype=np.int32)
 
 
 def mismatch_of(
-    surface: npt.NDArray[np.int32], match: Match
+    surface: npt.NDArray[np.int32], signed_mismatch_rad: Float32
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
     """Mean absolute mismatch of the patches of every surface (n,), NaN of number 0, and its sampled pixels (n,)."""
     height, width = surface.shape
@@ -63,7 +61,7 @@ def mismatch_of(
     patch = np.arange(height)[:, None] // PATCH_PX * across + np.arange(width) // PATCH_PX
     patches = int(patch[-1, -1]) + 1
     surface, patch, signed_rad = (
-        image[::SAMPLE_PX, ::SAMPLE_PX] for image in (surface, patch, match.signed_mismatch_rad)
+        image[::SAMPLE_PX, ::SAMPLE_PX] for image in (surface, patch, signed_mismatch_rad)
     )
     known = (surface > 0) & np.isfinite(signed_rad)
     place = surface[known].astype(np.int64) * patches + patch[known]

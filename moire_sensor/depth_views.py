@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit, prange
 
-from moire_sensor.angles import wrapped
+from moire_sensor.angles import NAN_SAFE, wrapped
 from moire_sensor.depth_refine import Match
 from moire_sensor.order_range import RANGE_MARGIN_PX, OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32
@@ -31,21 +32,17 @@ SWAPPED_SHARE = 0.75
 MAX_CLOSEST_RAD = 0.22
 
 
-def patch_mismatch_rad(match: Match, keep: npt.NDArray[np.bool_]) -> tuple[float, float]:
+def patch_mismatch_rad(signed_mismatch_rad: Float32, disparity_px: Float32) -> tuple[float, float]:
     """Upper quartile and maximum over patches of the absolute mean left-right phase mismatch; NaN without any patch.
 
     Parameters
     ----------
-    match : the final match.
-    keep : (H, W) bool, the pixels that get a depth.
+    signed_mismatch_rad : (H, W) float32, NaN where unknown.
+    disparity_px : (H, W) float32, NaN at the pixels that get no depth.
     """
-    rows, columns = (size // PATCH_PX for size in keep.shape)
-    known = keep & np.isfinite(match.signed_mismatch_rad)
-    tiles = [
-        np.asarray(image[: rows * PATCH_PX, : columns * PATCH_PX]).reshape(rows, PATCH_PX, columns, PATCH_PX)
-        for image in (known, np.where(known, match.signed_mismatch_rad, np.float32(0.0)))
-    ]
-    count, total = tiles[0].sum(axis=(1, 3)), tiles[1].sum(axis=(1, 3))
+    rows, columns = (size // PATCH_PX for size in disparity_px.shape)
+    count, total = np.empty((2, rows, columns), dtype=np.float32)
+    sum_patches(signed_mismatch_rad, disparity_px, count, total)
     enough = count > MIN_PATCH_SHARE * PATCH_PX**2
     if not enough.any():
         return float("nan"), float("nan")
@@ -53,21 +50,38 @@ def patch_mismatch_rad(match: Match, keep: npt.NDArray[np.bool_]) -> tuple[float
     return float(np.percentile(mean, 75)), float(mean.max())
 
 
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def sum_patches(signed, disparity, count, total):  # type: ignore[no-untyped-def]
+    """Fill number and sum, each (rows, columns) of patches, of the known mismatches with a disparity."""
+    rows, columns = count.shape
+    for row in prange(rows):
+        known, sums = np.zeros(columns * PATCH_PX, dtype=np.float32), np.zeros(columns * PATCH_PX, dtype=np.float32)
+        for y in range(np.int64(row) * PATCH_PX, (np.int64(row) + 1) * PATCH_PX):
+            for x in range(known.size):
+                value = signed[y, x]
+                seen = (value == value) & (disparity[y, x] == disparity[y, x])
+                known[x] += np.float32(1.0) if seen else np.float32(0.0)
+                sums[x] += value if seen else np.float32(0.0)
+        for column in range(columns):
+            part = slice(column * PATCH_PX, (column + 1) * PATCH_PX)
+            count[row, column], total[row, column] = known[part].sum(), sums[part].sum()
+
+
 def orders_fail(
     match: Match,
-    keep: npt.NDArray[np.bool_],
     phases: tuple[PhaseImage, PhaseImage],
     carriers: tuple[Carrier, Carrier],
     projector: ProjectorMap,
     orders: OrderRange,
 ) -> bool:
-    """True where the phases speak against rig and pattern, whatever order is chosen.
+    """True where the phases speak against rig and pattern, whatever order is chosen for the match.
 
     Half of them meet no order well, as with a wrong period, or the right image taken for the left one and the left for
     the right agree far better. For at some depths an order a few off meets nearly the same phase in a swapped pair (3
     orders off lands 44 degrees away in the paper's rig), and depth from it would look sound.
     """
-    kept = match.mismatch_rad[::SAMPLE_PX, ::SAMPLE_PX][keep[::SAMPLE_PX, ::SAMPLE_PX]]
+    keep = np.isfinite(match.disparity_px[::SAMPLE_PX, ::SAMPLE_PX])
+    kept = match.mismatch_rad[::SAMPLE_PX, ::SAMPLE_PX][keep]
     if kept.size < MIN_SAMPLES or np.median(kept) < DOUBTFUL_RAD:
         return False
     left_rad, right_rad = phases[0].offset_rad, phases[1].offset_rad

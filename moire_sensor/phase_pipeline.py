@@ -14,6 +14,7 @@ from moire_sensor.depth_check import drop_rivals, drop_slivers, without_specks
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
+from moire_sensor.depth_shot import drop_out_of_range, results
 from moire_sensor.depth_surface import along_surface
 from moire_sensor.depth_views import orders_fail, patch_mismatch_rad
 from moire_sensor.order_range import OrderRange
@@ -31,7 +32,6 @@ from moire_sensor.shot import Shot, Status
 
 # Mismatch that shading, or motion between the steps, can put between the two phases of one point.
 SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
-RANGE_MARGIN = 0.02
 # Rows of a single shot whose orders are solved, one in so many: its windows take in more, and what goes wrong beside an
 # edge is mended there (depth_border). Phase steps see single rows, and where the projector measures nothing is mended.
 ROW_STEP_SINGLE = 3
@@ -41,6 +41,8 @@ START_ALIGNMENT_PX = 0.15
 SLIVER_PX, SLIVER_PERIODS = 3, 0.25
 # Where the projector measures, the alignment of the pair matters less: the real hand has patches 0.22 rad off.
 PROJECTOR_SLACK = 1.7
+# A confidence below every limit.
+NOT_BELIEVED = np.float32(-1.0)
 
 
 @dataclass(frozen=True)
@@ -164,7 +166,7 @@ class PhasePipeline:
             bridge(match, greys, phases[0].amplitude, self.settings)
             if way.single:
                 drop_slivers(match.disparity_px, SLIVER_PX)
-        return self._shot(phases, match, margin, np.isfinite(match.disparity_px))
+        return self._shot(phases, match, margin)
 
     def _refine(
         self,
@@ -191,36 +193,30 @@ class PhasePipeline:
         check_greys(match, greys, phase.amplitude, self.settings)
         return averaged(match, self.settings.half_mean_steps_px)
 
-    def _shot(
-        self, phases: tuple[PhaseImage, PhaseImage], match: Match, margin: Float32, keep: npt.NDArray[np.bool_]
-    ) -> Shot:
-        """The result: depth where the disparity is kept, lies in the range and the views as a whole agree."""
-        focal_times_baseline = np.float32(self.rig.fx_px * self.rig.baseline_m)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            depth = focal_times_baseline / (match.disparity_px - np.float32(self.rig.disparity_at_infinity_px))
-        nearest, farthest = self.depth_range_m
-        keep = keep & (depth >= nearest * (1.0 - RANGE_MARGIN)) & (depth <= farthest * (1.0 + RANGE_MARGIN))
-        limit_rad = self.settings.max_typical_mismatch_rad * (1.0 if self._by_stereo else PROJECTOR_SLACK)
-        typical_rad, worst_rad = patch_mismatch_rad(match, keep)
-        matched = keep
-        if typical_rad > limit_rad or worst_rad > FOREIGN_RAD:
-            keep = agreeing(match, matched, typical_rad <= limit_rad)
-        views_agree = not orders_fail(match, keep, phases, self._carriers, self._projector, self._orders)
-        lost = Status.OCCLUDED if views_agree else Status.AMBIGUOUS
-        keep &= views_agree
-        depth[~keep] = np.nan
-        disparity = np.where(keep, match.disparity_px, np.float32(np.nan))
-        confidence = confidence_of(disparity, match, margin)
-        doubtful = keep & (confidence < np.float32(self.settings.min_confidence))
-        for image, unknown in ((depth, np.nan), (disparity, np.nan), (confidence, 0.0), (keep, False)):
-            image[doubtful] = unknown
-        sigma = depth * depth / focal_times_baseline * match.sigma_px
-        status = np.where(keep, np.uint8(Status.OK), phases[0].status)
-        status[(status == Status.OK) & ~keep] = lost
-        status[doubtful | (matched & ~keep)] = Status.AMBIGUOUS
+    def _shot(self, phases: tuple[PhaseImage, PhaseImage], match: Match, margin: Float32) -> Shot:
+        """The result: depth where there is a disparity in the range and the views agree."""
+        drop_out_of_range(match.disparity_px, self.rig, self.depth_range_m)
+        typical_rad, worst_rad = patch_mismatch_rad(match.signed_mismatch_rad, match.disparity_px)
+        # Where the projector measures, alignment matters less.
+        slack = 1.0 if self._by_stereo else PROJECTOR_SLACK
+        views_fit = not typical_rad > slack * self.settings.max_typical_mismatch_rad
+        believed = match if views_fit and not worst_rad > FOREIGN_RAD else agreeing(match, views_fit)
+        if orders_fail(believed, phases, self._carriers, self._projector, self._orders):
+            views_fit = False
+            match.disparity_px.fill(np.nan)
+        confidence = confidence_of(match.disparity_px, match, margin)
+        if believed is not match:
+            confidence[np.isnan(believed.disparity_px)] = NOT_BELIEVED
+        depth, sigma, disparity, status = results(
+            (match.disparity_px, match.sigma_px, confidence),
+            phases[0].status,
+            self.rig,
+            self.settings.min_confidence,
+            Status.OCCLUDED if views_fit else Status.AMBIGUOUS,
+        )
         return Shot(
             depth_m=depth,
-            depth_sigma_m=sigma.astype(np.float32, copy=False),
+            depth_sigma_m=sigma,
             disparity_px=disparity,
             fringe_order=fringe_orders(disparity, self._projector),
             confidence=confidence,

@@ -28,9 +28,8 @@ def two_surfaces(left_rad: float, right_rad: float) -> Match:
 )  # fmt: skip
 def test_a_surface_is_kept_or_dropped_as_a_whole(left_rad: float, views_fit: bool, kept: bool) -> None:
     match = two_surfaces(left_rad, 0.0)
-    keep = np.ones(match.disparity_px.shape, dtype=bool)
-    keep[:10] = False
-    found = agreeing(match, keep, views_fit)
+    match.disparity_px[:10] = np.nan
+    found = np.isfinite(agreeing(match, views_fit).disparity_px)
     assert (found[10:, :59] == kept).all()
     assert found[10:119, 60:199].all()
     assert not found[:10].any()
@@ -38,9 +37,8 @@ def test_a_surface_is_kept_or_dropped_as_a_whole(left_rad: float, views_fit: boo
 
 def test_few_good_surfaces_among_bad_ones_are_chance() -> None:
     match = two_surfaces(0.3, 0.0)
-    keep = np.ones(match.disparity_px.shape, dtype=bool)
-    keep[:, 70:] = False
-    assert not agreeing(match, keep, False).any()
+    match.disparity_px[:, 70:] = np.nan
+    assert np.isnan(agreeing(match, False).disparity_px).all()
 
 
 def test_what_stands_before_a_background_behind_the_range_is_measured() -> None:
