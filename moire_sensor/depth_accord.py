@@ -23,8 +23,8 @@ SAMPLE_PX = 2
 # No surface of a valid scene lies as far off (thin poles in dim light 0.4), what stands behind the range 0.3 to 1.1.
 FOREIGN_RAD = 0.5
 # In an image that does not fit as a whole only surfaces as good as this are believed, and only if they make up this
-# share of what was matched: 0.24 where half of a room lies behind the range, at most 0.10 with a wrong period.
-SURE_RAD, SURE_SHARE = 0.05, 0.17
+# share of what was matched: 0.24 where half of a room lies behind the range, at most 0.05 with wrong images.
+SURE_RAD, SURE_SHARE = 0.02, 0.15
 
 
 def agreeing(match: Match, views_fit: bool) -> Match:
