@@ -157,7 +157,7 @@ def judge(  # type: ignore[no-untyped-def]
         new_disparity[y, x] = np.float32(np.nan)
 
 
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+@njit(parallel=True, fastmath=NAN_SAFE, error_model="numpy", cache=True)
 def assign(  # type: ignore[no-untyped-def]
     trust, near, disparity, above, below, claim, left, right, background, amplitude, map_, limits,
     new_disparity, new_sigma, new_signed, new_mismatch,

@@ -56,8 +56,9 @@ class Trust:
     @classmethod
     def make(cls, shape: tuple[int, int]) -> Trust:
         """Return new work memory."""
-        flags = [np.zeros(shape, dtype=np.uint8) for _ in range(5)]
-        return cls(np.empty(shape, dtype=np.float32), *flags, np.empty(shape, dtype=np.float32))
+        disparity, claim = np.empty((2, *shape), dtype=np.float32)
+        trust, fresh, near, above, below = np.zeros((5, *shape), dtype=np.uint8)
+        return cls(disparity, trust, fresh, near, above, below, claim)
 
     def look(self, disparity_px: Float32) -> None:
         """Fill all for the disparities (H, W) of a new round."""

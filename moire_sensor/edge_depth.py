@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from moire_sensor.edge_candidates import CandidateRays, Candidates, find_candidates, period_px
-from moire_sensor.edge_confirm import Sides
-from moire_sensor.edge_cost import matching_rules
+from moire_sensor.edge_confirm import Near, Sides
+from moire_sensor.edge_cost import Rules, matching_rules
 from moire_sensor.edge_find import EdgeRows, bright_share, find_edges, room_for_edges
 from moire_sensor.edge_grid import Limits, on_left_grid
 from moire_sensor.edge_input import Image, check_image, check_numbers
@@ -40,13 +40,13 @@ class EdgeRoom:
     right: EdgeRows
     candidates: Candidates
     match: EdgeMatch
-    work: tuple[Sides, Work]
+    work: tuple[Sides, Near, Work]
 
     @classmethod
-    def of(cls, image_size: tuple[int, int], rays: CandidateRays) -> EdgeRoom:
+    def of(cls, image_size: tuple[int, int], rays: CandidateRays, rules: Rules) -> EdgeRoom:
         """Memory for images (width, height)."""
         left, right = (room_for_edges(image_size[::-1]) for _ in range(2))
-        work = room_for_work(left, right, rays.number, image_size[0])
+        work = room_for_work(left.x_px.shape[1], rays.number, rules.same_side_px, image_size[0])
         return cls(left, right, rays.room(right), room_for_matches(left), work)
 
 
@@ -102,7 +102,7 @@ class FringeEdges:
             check_image(name, image, self.rig)
         # In C order whatever came: the kernels compile anew for every other layout.
         left, right = np.require(left, requirements="C"), np.require(right, requirements="C")
-        room = scratch(("edges", self.rig.image_size, self._rays.number), self.room)
+        room = scratch(("edges", self.rig.image_size, self._rays.number, self._rules.same_side_px), self.room)
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
         self.find((left, right), step_rad, room)
         self.match(room)
@@ -125,7 +125,7 @@ class FringeEdges:
 
     def room(self) -> EdgeRoom:
         """Return work memory of its own, to be kept between ``find`` and ``match``."""
-        return EdgeRoom.of(self.rig.image_size, self._rays)
+        return EdgeRoom.of(self.rig.image_size, self._rays, self._rules)
 
 
 def fringe_edges(

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.edge_candidates import Candidates
-from moire_sensor.edge_confirm import Sides
+from moire_sensor.edge_confirm import BIN_BITS, Near, Sides
 from moire_sensor.edge_cost import Rules
 from moire_sensor.edge_find import EdgeRows
 from moire_sensor.edge_lanes import LANES
@@ -36,29 +36,36 @@ def room_for_matches(left: EdgeRows) -> EdgeMatch:
     return EdgeMatch(*(np.empty(left.x_px.shape, dtype=np.int32) for _ in range(2)))
 
 
-def room_for_work(left: EdgeRows, right: EdgeRows, candidates: int, width_px: int = WIDEST_PX) -> tuple[Sides, Work]:
-    """Tables of the dynamic programme, one a lane, for so many ``candidates`` of a right edge."""
-    most = max(left.x_px.shape[1], right.x_px.shape[1])
+def room_for_work(edges: int, candidates: int, reach_px: float, width_px: int = WIDEST_PX) -> tuple[Sides, Near, Work]:
+    """Tables of the dynamic programme, one a lane, for so many ``edges`` of a row and ``candidates`` of each."""
 
     def table(*shape: int, dtype: type[np.generic]) -> npt.NDArray[Any]:
         return np.empty((LANES, *shape), dtype=dtype)
 
-    sides = Sides(
-        x_px=table(2, most + 1, dtype=np.float32),
-        height=table(2, most + 1, dtype=np.float32),
-        edge=table(2, most + 1, dtype=np.uint32),
-        before=table(2, width_px // 2 + 2, dtype=np.uint32),
-        candidate=table(candidates * most + 1, dtype=np.uint32),
-        at=table(candidates * most + 1, dtype=np.uint32),
-        first=table(most + 1, dtype=np.uint32),
+    # Edges of one side are a pixel apart or more; behind the last of each side lie two endless columns.
+    near, split = edges * candidates * (int(2.0 * reach_px) + 2), 2 * (edges + 2)
+    return (
+        Sides(
+            x_px=table(split, dtype=np.float32),
+            height=table(split, dtype=np.float32),
+            edge=table(split, dtype=np.uint32),
+            before=table(2, (width_px >> int(BIN_BITS)) + 2, dtype=np.uint32),
+        ),
+        Near(
+            column=table(near, dtype=np.float32),
+            right=table(near, dtype=np.uint32),
+            at=table(near, dtype=np.uint32),
+            first=table(edges + 1, dtype=np.uint32),
+            left=table(near, dtype=np.uint32),
+            cost=table(near, dtype=np.int64),
+        ),
+        Work(
+            added=table(edges, dtype=np.int64),
+            path=table(edges, dtype=np.int64),
+            skipped=table(edges + 1, dtype=np.int64),
+            previous=table(edges, edges, dtype=np.int32),
+        ),
     )
-    work = Work(
-        added=table(most, dtype=np.int64),
-        path=table(most, dtype=np.int64),
-        skipped=table(most + 1, dtype=np.int64),
-        previous=table(most, most, dtype=np.int32),
-    )
-    return sides, work
 
 
 def match_edges(
@@ -67,7 +74,7 @@ def match_edges(
     candidates: Candidates,
     rules: Rules,
     every_row: int = 1,
-    room: tuple[EdgeMatch, tuple[Sides, Work]] | None = None,
+    room: tuple[EdgeMatch, tuple[Sides, Near, Work]] | None = None,
 ) -> EdgeMatch:
     """Choose, on every ``every_row``-th row, the matches of least cost J.
 
@@ -75,7 +82,11 @@ def match_edges(
     matches with d < ``lambda_mat`` are correspondences; one of which just the side agrees bridges the ordering, without
     depth.
     """
-    match, work = room or (room_for_matches(left), room_for_work(left, right, candidates.left_x_px.shape[1]))
+    if room is None:
+        most = max(left.x_px.shape[1], right.x_px.shape[1])
+        work = room_for_work(most, candidates.left_x_px.shape[1], rules.same_side_px)
+        room = room_for_matches(left), work
+    match, work = room
     match.partner[:] = -1
     match_rows(left, right, candidates.left_x_px, rules, every_row, *work, match.partner, match.candidate)
     return match

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.edge_confirm import confirm, find_near, side_index, split_sides
+from moire_sensor.edge_confirm import confirm, find_near, split_sides
 from moire_sensor.edge_cost import COST, ENDLESS, alike, in_units
 from moire_sensor.edge_lanes import LANES, lane_rows
 
@@ -41,7 +41,7 @@ class Work(NamedTuple):
 
 
 @njit(parallel=True, cache=True)
-def match_rows(left, right, candidates, rules, every_row, sides, work, partner, candidate):  # type: ignore[no-untyped-def]
+def match_rows(left, right, candidates, rules, every_row, sides, near, work, partner, candidate):  # type: ignore[no-untyped-def]
     """Match every ``every_row``-th row."""
     for index in prange(LANES):
         lane = np.int64(index)
@@ -49,24 +49,32 @@ def match_rows(left, right, candidates, rules, every_row, sides, work, partner, 
         # The middle rows of blocks of ``every_row`` rows.
         offset = (every_row // 2 - first) % every_row
         for y in range(first + offset, behind, every_row):
-            end = solve_row(left, right, candidates, rules, y, sides, work, lane)
+            confirm_row(left, right, candidates[y], rules, y, sides, near, lane)
+            end = solve_row(left, right, rules, y, near, work, lane)
             trace_back(end, left, right, candidates[y], rules, y, work.previous[lane], partner[y], candidate[y])
 
 
 @njit
-def solve_row(left, right, candidates, rules, y, sides, work, lane):  # type: ignore[no-untyped-def]
+def confirm_row(left, right, columns, rules, y, sides, near, lane):  # type: ignore[no-untyped-def]
+    """The same-side test of row y: which left edges confirm candidates, and what their matches cost."""
+    n, m, reach = left.number[y], right.number[y], np.float32(rules.same_side_px)
+    x_px, height, edge, before = sides.x_px[lane], sides.height[lane], sides.edge[lane], sides.before[lane]
+    column, owner, at = near.column[lane], near.right[lane], near.at[lane]
+    split_sides(left.x_px[y, :n], left.side[y], left.height[y], x_px, height, edge, before)
+    found = find_near(columns, right.side[y], m, reach, x_px, before, column, owner, at, near.first[lane])
+    confirm(right.height[y], rules, x_px, height, edge, column[:found], owner, at, near.left[lane], near.cost[lane])
+
+
+@njit
+def solve_row(left, right, rules, y, near, work, lane):  # type: ignore[no-untyped-def]
     """Run the programme over row y; the place of the last match of the best path."""
     # Taken out of the tuples once: numba counts references each time, which would cost more than all the rest.
     n, m = left.number[y], right.number[y]
-    left_x, left_side, left_height = left.x_px[y, :n], left.side[y], left.height[y]
-    right_x, right_side, right_height = right.x_px[y, :m], right.side[y], right.height[y]
-    x_px, height, edge, before = sides.x_px[lane], sides.height[lane], sides.edge[lane], sides.before[lane]
-    candidate, at, first = sides.candidate[lane], sides.at[lane], sides.first[lane]
+    left_x, left_side = left.x_px[y, :n], left.side[y]
+    right_x, right_side = right.x_px[y, :m], right.side[y]
     added, path, skipped, previous = work.added[lane], work.path[lane], work.skipped[lane], work.previous[lane]
-    columns = candidates[y]
+    first, confirmed, cost = near.first[lane], near.left[lane], near.cost[lane]
     lambda_oc, only_side = in_units(rules.lambda_oc), in_units(rules.lambda_mat - rules.lambda_r)
-    split_sides(left_x, left_side, left_height, x_px, height, edge, before)
-    find_near(columns, right_side, m, np.float32(rules.same_side_px), x_px, before, candidate, at, first)
     path[:n], skipped[: n + 1] = ENDLESS, ENDLESS
     best = lambda_oc * (np.int64(n > 0) + np.int64(m > 0))
     low = high = 0
@@ -77,10 +85,9 @@ def solve_row(left, right, candidates, rules, y, sides, work, lane):  # type: ig
         low_before = low
         low, high = band(left_x, right_x[j], rules, low, high)
         added[low:high] = only_side
-        s = side_index(right_side[j])
-        for near in range(first[j], first[j + 1]):
-            column = columns[candidate[near], j]
-            confirm(column, np.uint64(at[near]), right_height[j], rules, x_px[s], height[s], edge[s], added)
+        for number in range(first[j], first[j + 1]):
+            i = confirmed[number]
+            added[i] = min(added[i], cost[number])
         run, diagonal = leave_behind(path[low_before:low])
         whole = extend_paths(
             run, diagonal, start, lambda_oc, (j << EDGE_BITS) + low + 1, left_side[low:high], right_side[j],

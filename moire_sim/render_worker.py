@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import mmap
 import os
+import pickle
 import socket
 import subprocess
 import sys
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 # The other process looks for packages where this one does, whatever script this one is.
 CODE = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from moire_sim.render_worker import main; main()"
 BYTES_A_PIXEL = 16
-END_S = 10.0
 
 
 class Job(NamedTuple):
@@ -47,7 +47,7 @@ class SharedPicture:
     @classmethod
     def of(cls, descriptor: int, pixels: int) -> SharedPicture:
         """Map the file behind a descriptor."""
-        return cls(mmap.mmap(descriptor, BYTES_A_PIXEL * pixels), pixels)
+        return cls(mmap.mmap(descriptor, 0), pixels)
 
     def arrays(self, size: tuple[int, int]) -> tuple[npt.NDArray[Any], ...]:
         """Depth, albedo and body (H, W) in the memory, as of :class:`moire_sim.render_geometry.Buffers`."""
@@ -73,8 +73,12 @@ class RenderWorker:
         memory = os.memfd_create("moire_view")
         ours, theirs = socket.socketpair()
         try:
-            os.ftruncate(memory, BYTES_A_PIXEL * pixels)
+            # The scene comes in the pictures' place, read before the first of them: the line would hold too little of
+            # it, and its owner would wait until the process has started.
+            task = pickle.dumps((scene, egl))
+            os.ftruncate(memory, max(BYTES_A_PIXEL * pixels, len(task)))
             self._picture = SharedPicture.of(memory, pixels)
+            self._picture.memory[: len(task)] = task
             arguments = (json.dumps(sys.path), str(theirs.fileno()), str(memory), str(pixels))
             # In a session of its own, Ctrl-C reaches its owner alone. What the simulator prints is not for users;
             # errors come by the line.
@@ -91,7 +95,6 @@ class RenderWorker:
             os.close(memory)
         self._line = Connection(ours.detach())
         self._ready, self._begun = False, 0
-        self._send((scene, egl))
 
     @property
     def pid(self) -> int:
@@ -130,11 +133,8 @@ class RenderWorker:
     def close(self) -> None:
         """End the process; calling it again does nothing."""
         self._line.close()
-        try:
-            self._process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        self._process.terminate()
+        self._process.wait()
 
     def _send(self, message: Any) -> None:
         try:
@@ -165,8 +165,7 @@ def main() -> None:
     line = Connection(int(sys.argv[2]))
     picture = SharedPicture.of(int(sys.argv[3]), int(sys.argv[4]))
     try:
-        scene, egl = line.recv()
-        renderer = GeometryRenderer(scene, egl)
+        renderer = GeometryRenderer(*pickle.loads(picture.memory[:]))
         line.send("ready")
         while True:
             number, job = line.recv()
