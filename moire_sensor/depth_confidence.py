@@ -146,8 +146,9 @@ def log2(value):  # type: ignore[no-untyped-def]
 
 @njit(fastmath=NAN_SAFE, error_model="numpy")
 def exp2(power):  # type: ignore[no-untyped-def]
-    """2 to a float32 power between -126 and 126, without branches."""
-    power = min(max(power, np.float32(-126.0)), np.float32(126.0))
+    """2 to a float32 power between -126 and 126, without branches; NaN counts as the least."""
+    power = power if power > np.float32(-126.0) else np.float32(-126.0)
+    power = power if power < np.float32(126.0) else np.float32(126.0)
     whole = np.floor(power)
     part = power - whole
     result = EXP2[4]
