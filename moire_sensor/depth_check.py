@@ -97,13 +97,16 @@ def clear_short_runs(disparity, least):  # type: ignore[no-untyped-def]
     height, width = disparity.shape
     for y in prange(height):
         row = disparity[y]
+        ends = np.ones(width, dtype=np.uint8)
+        for x in range(width - 1):
+            ends[x] = not abs(row[x + 1] - row[x]) <= SAME_SURFACE_PX
         start = 0
-        for x in range(1, width + 1):
-            if x < width and abs(row[x] - row[x - 1]) <= SAME_SURFACE_PX:
-                continue
-            if x - start < least:
-                row[start:x] = np.float32(np.nan)
-            start = x
+        for x in range(width):
+            if ends[x]:
+                if x + 1 - start < least:
+                    for at in range(start, x + 1):
+                        row[at] = np.float32(np.nan)
+                start = x + 1
 
 
 def without_specks(disparity_px: Float32, min_segment_px: int) -> npt.NDArray[np.bool_]:
