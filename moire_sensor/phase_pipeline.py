@@ -94,8 +94,8 @@ class PhasePipeline:
     def _ways(self) -> tuple[Way, Way]:
         """The ways of a single shot and of phase steps."""
         settings = self.settings
-        # What goes wrong beside an edge between solved rows is mended there (depth_border), but for where the projector
-        # measures. Phase steps see single rows.
+        # What goes wrong beside an edge between solved rows is mostly mended there (depth_border), but not where the
+        # projector measures. Phase steps see single rows.
         row_step = min(settings.row_step, 2 * settings.half_height_px + 1)
         least_px = int(SLIVER_PERIODS * (2 * self._carriers[0].half_width_px))
         if not self._by_stereo:

@@ -66,6 +66,12 @@ def test_every_scene(name: str) -> None:
     check(dense_shot(name), capture(name), LIMITS.get(name, Limits()))
 
 
+def test_every_third_row_solved_is_as_good_on_stairs() -> None:
+    seen = capture("stairs")
+    shot = Reconstructor(seen.rig, seen.pattern, settings=Settings(row_step=3)).reconstruct(seen.left, seen.right)
+    check(shot, seen, Limits())
+
+
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("name", ["plane_1000", "tilt_0.5", "small_plate"])
 def test_conditions(name: str, condition: str) -> None:
