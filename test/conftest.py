@@ -1,4 +1,4 @@
-"""Settings of every test run: ROS traffic isolated, the real capture found or its tests skipped."""
+"""Settings of every test run: ROS traffic isolated, work shared out, the real capture found or its tests skipped."""
 
 from __future__ import annotations
 
@@ -7,11 +7,36 @@ import os
 from pathlib import Path
 
 import pytest
+from source_scan import ROOT, imported_packages
 
 from tools.ros_domain import isolate_ros
 
+# Helpers that start nodes, and test files that start them otherwise.
+STARTERS = {"bag_runs", "ros_process"}
+START_NODES = {"test_docs_reference", "test_soak"}
+
+# Idle kernel threads sleep, as in the executables; set before any test module imports numba.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 # Held for the life of the test process; set before any test module imports rclpy.
 atexit.register(isolate_ros().close)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """In a run shared between processes (``pytest -n 2 --dist loadgroup``) all tests with nodes run in one of them.
+
+    So nodes of one test at a time share the machine, and what a session or a file prepares is prepared once.
+    """
+    if config.pluginmanager.hasplugin("xdist"):
+        groups = {path: group_of(path) for path in {item.path for item in items}}
+        for item in items:
+            item.add_marker(pytest.mark.xdist_group(groups[item.path]))
+
+
+def group_of(path: Path) -> str:
+    """Name of the group of a test file's tests."""
+    starts_nodes = path.stem in START_NODES or imported_packages(str(path.relative_to(ROOT))) & STARTERS
+    return "nodes" if starts_nodes else path.stem
 
 
 @pytest.fixture(scope="session")
