@@ -60,9 +60,8 @@ def mismatch_of(
     count, across = int(surface.max()) + 1, -(-width // PATCH_PX)
     patch = np.arange(height)[:, None] // PATCH_PX * across + np.arange(width) // PATCH_PX
     patches = int(patch[-1, -1]) + 1
-    surface, patch, signed_rad = (
-        image[::SAMPLE_PX, ::SAMPLE_PX] for image in (surface, patch, signed_mismatch_rad)
-    )
+    every = np.s_[::SAMPLE_PX, ::SAMPLE_PX]
+    surface, patch, signed_rad = surface[every], patch[every], signed_mismatch_rad[every]
     known = (surface > 0) & np.isfinite(signed_rad)
     place = surface[known].astype(np.int64) * patches + patch[known]
     total = np.bincount(place, signed_rad[known], count * patches).reshape(count, patches)

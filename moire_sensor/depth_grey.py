@@ -55,8 +55,7 @@ def right_as_left(right: Float32, disparity_px: Float32, phases: tuple[PhaseImag
     left_phase, right_phase = phases
     gain = np.median(left_phase.amplitude[rows, columns] / np.maximum(right_phase.amplitude[rows, seen], 1.0))
     shift = np.median(left_phase.background[rows, columns] - gain * right_phase.background[rows, seen])
-    scaled = np.multiply(right, np.float32(gain))
-    return np.add(scaled, np.float32(shift), out=scaled)
+    return np.asarray(cv2.addWeighted(right, float(gain), right, 0.0, float(shift)))
 
 
 def match_greys(
@@ -132,7 +131,22 @@ def least_difference(apart: Float32, window: tuple[int, int]) -> Float32:
 
 def drop_foreign(disparity_px: Float32, apart: Float32, amplitude: Float32, settings: Settings) -> None:
     """Set in place to NaN the disparities whose views differ by more than noise and the allowed misfit."""
-    disparity_px[apart > np.float32(2.0 * settings.image_noise) + np.float32(settings.max_misfit) * amplitude] = np.nan
+    limits = np.array([2.0 * settings.image_noise, settings.max_misfit], dtype=np.float32)
+    clear_foreign(disparity_px, apart, amplitude, limits)
+
+
+@njit(parallel=True, cache=True)
+def clear_foreign(disparity, apart, amplitude, limits):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`drop_foreign`."""
+    for y in prange(disparity.shape[0]):
+        clear_foreign_row(disparity[y], apart[y], amplitude[y], limits[0], limits[1])
+
+
+@njit(**ROW)
+def clear_foreign_row(disparity, apart, amplitude, noise, share):  # type: ignore[no-untyped-def]
+    """One row of :func:`clear_foreign`."""
+    for x in range(disparity.size):
+        disparity[x] = np.float32(np.nan) if apart[x] > noise + share * amplitude[x] else disparity[x]
 
 
 @njit(parallel=True, cache=True)

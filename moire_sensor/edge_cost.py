@@ -38,6 +38,7 @@ class Rules(NamedTuple):
     lambda_r: float
     lambda_mat: float
     lambda_off: float
+    doubtful_share: float
 
 
 def matching_rules(disparity_range_px: tuple[float, float], period_px: float, settings: EdgeSettings) -> Rules:
@@ -49,6 +50,7 @@ def matching_rules(disparity_range_px: tuple[float, float], period_px: float, se
         settings.same_side_periods * period_px,
         settings.same_height,
         *costs,
+        settings.doubtful_share,
     )
 
 

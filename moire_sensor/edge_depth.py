@@ -152,8 +152,8 @@ def fringe_edges(
     -------
     EdgeShot
         Its ``shot.confidence`` falls from 1 to 0 as the mismatch grows to the tolerance of the same-side test.
-        ``shot.status`` is OK at points, UNLIT where there is no fringe, SATURATED, OCCLUDED at edges without a match
-        and AMBIGUOUS between edges.
+        ``shot.status`` is OK at points, UNLIT where there is no fringe, SATURATED, OCCLUDED at edges without a match,
+        and AMBIGUOUS between edges and at edges that two fringe orders match.
 
     Raises
     ------

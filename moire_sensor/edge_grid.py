@@ -9,6 +9,7 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.edge_candidates import Candidates
+from moire_sensor.edge_doubt import DOUBTFUL
 from moire_sensor.edge_find import EdgeRows, Float32
 from moire_sensor.edge_lanes import LANES, lane_rows
 from moire_sensor.edge_light import fill_light
@@ -117,7 +118,7 @@ def fill_lane(left, right, candidates, match, min_run, image, limits, lens, step
     contrast = np.empty(width, dtype=np.float32)
     for y in range(*lane_rows(lane, image.shape[0])):
         fill_light(image[y], size, np.float32(limits.scale), work, grid.background[y], contrast)
-        without_points(image[y], contrast, left.x_px[y, : left.number[y]], limits, grid.status[y])
+        without_points(image[y], contrast, left.x_px[y, : left.number[y]], match.partner[y], limits, grid.status[y])
         forget(grid.depth_m[y], grid.depth_sigma_m[y], grid.disparity_px[y], grid.confidence[y], grid.fringe_order[y])
         drop_loners(match.partner[y], match.candidate[y], candidates.half_order[y], left.number[y], min_run)
         place_points(left, right, candidates, match, limits, lens, step_turns, grid, counts[lane], y)
@@ -139,13 +140,13 @@ def forget(depth, sigma, disparity, confidence, order):  # type: ignore[no-untyp
 
 
 @njit
-def without_points(image, contrast, edges_px, limits, status):  # type: ignore[no-untyped-def]
+def without_points(image, contrast, edges_px, partner, limits, status):  # type: ignore[no-untyped-def]
     """Status of a row as it would be without any match."""
     unlit_below = np.float32(limits.unlit_below)
     for x in range(status.size):
         status[x] = UNLIT if contrast[x] < unlit_below else AMBIGUOUS
     for edge in range(edges_px.size):
-        status[np.int64(edges_px[edge] + 0.5)] = OCCLUDED
+        status[np.int64(edges_px[edge] + 0.5)] = AMBIGUOUS if partner[edge] == DOUBTFUL else OCCLUDED
     for x in range(status.size):
         status[x] = SATURATED if image[x] >= limits.saturated else status[x]
 

@@ -23,7 +23,7 @@ class EdgeMatch(NamedTuple):
 
     Attributes
     ----------
-    partner : number of the right edge in its row, -1 where there is none.
+    partner : number of the right edge in its row, -1 where there is none, -2 where two fringe orders fit.
     candidate : which candidate of that right edge the left edge confirms.
     """
 
@@ -64,6 +64,7 @@ def room_for_work(edges: int, candidates: int, reach_px: float, width_px: int = 
             path=table(edges, dtype=np.int64),
             skipped=table(edges + 1, dtype=np.int64),
             previous=table(edges, edges, dtype=np.int32),
+            shift=table(edges, dtype=np.int32),
         ),
     )
 

@@ -16,6 +16,7 @@ from numba import njit, prange
 
 from moire_sensor.edge_confirm import confirm, find_near, split_sides
 from moire_sensor.edge_cost import COST, ENDLESS, alike, in_units
+from moire_sensor.edge_doubt import doubt_row
 from moire_sensor.edge_lanes import LANES, lane_rows
 
 # A match of i and j has place j 2^12 + i + 1, the start place 0.
@@ -32,12 +33,14 @@ class Work(NamedTuple):
     path : (lanes, E) int64, best path whose last match is that of i with the right edge at hand, or the one before.
     skipped : (lanes, E + 1) int64, best path whose last match is that of i - 1 with a right edge before the last one.
     previous : (lanes, E, E) int32, of a match [j, i], the place of the match before it on its best path.
+    shift : (lanes, E) int32, of :func:`doubt_row`.
     """
 
     added: npt.NDArray[np.int64]
     path: npt.NDArray[np.int64]
     skipped: npt.NDArray[np.int64]
     previous: npt.NDArray[np.int32]
+    shift: npt.NDArray[np.int32]
 
 
 @njit(parallel=True, cache=True)
@@ -49,20 +52,25 @@ def match_rows(left, right, candidates, rules, every_row, sides, near, work, par
         # The middle rows of blocks of ``every_row`` rows.
         offset = (every_row // 2 - first) % every_row
         for y in range(first + offset, behind, every_row):
-            confirm_row(left, right, candidates[y], rules, y, sides, near, lane)
+            found = confirm_row(left, right, candidates[y], rules, y, sides, near, lane)
             end = solve_row(left, right, rules, y, near, work, lane)
             trace_back(end, left, right, candidates[y], rules, y, work.previous[lane], partner[y], candidate[y])
+            doubt_row(
+                partner[y, : left.number[y]], near.right[lane], near.left[lane, :found], near.cost[lane], rules,
+                work.shift[lane],
+            )  # fmt: skip
 
 
 @njit
 def confirm_row(left, right, columns, rules, y, sides, near, lane):  # type: ignore[no-untyped-def]
-    """The same-side test of row y: which left edges confirm candidates, and what their matches cost."""
+    """The same-side test of row y: which left edges confirm candidates, and what their matches cost; their number."""
     n, m, reach = left.number[y], right.number[y], np.float32(rules.same_side_px)
     x_px, height, edge, before = sides.x_px[lane], sides.height[lane], sides.edge[lane], sides.before[lane]
     column, owner, at = near.column[lane], near.right[lane], near.at[lane]
     split_sides(left.x_px[y, :n], left.side[y], left.height[y], x_px, height, edge, before)
     found = find_near(columns, right.side[y], m, reach, x_px, before, column, owner, at, near.first[lane])
     confirm(right.height[y], rules, x_px, height, edge, column[:found], owner, at, near.left[lane], near.cost[lane])
+    return found
 
 
 @njit

@@ -16,7 +16,7 @@ class EdgeSettings:
     penalty, "very big", is infinite here: edges of different sides never match. Beyond the paper, each to be switched
     off: ``lambda_off`` tells a wrong fringe order whose candidates happen to lie within the tolerance all over a
     slanted board, and which J would prefer where it is the farther one, since the views share more of what is far;
-    ``same_height`` (switched off by 100) and ``min_run`` (by 1).
+    ``same_height`` (switched off by 100), ``doubtful_share`` (by 2) and ``min_run`` (by 1).
 
     Raises
     ------
@@ -34,6 +34,9 @@ class EdgeSettings:
         0.072, 0.001, 0.25, "largest distance of a left edge from a candidate, periods (1.2 px in the paper's rig)"
     )
     same_height: float = setting(1.5, 1.0, 100.0, "largest ratio of the heights of two edges that correspond")
+    doubtful_share: float = setting(
+        0.6, 0.5, 2.0, "least share of a run's edges that another order matches as closely, for both to be refused"
+    )
     min_amplitude: float = setting(6.0, 0.5, 127.0, "smallest half height of a fringe edge, grey levels of 255")
     min_amplitude_to_noise: float = setting(3.0, 0.0, 100.0, "smallest ratio of half height to camera noise")
     min_run: int = setting(2, 1, 100, "edges side by side that must agree on the fringe order; 1 is the paper's")  # type: ignore[assignment]

@@ -28,7 +28,7 @@ def fill_rows(  # type: ignore[no-untyped-def]
     """
     for row in prange(offset.shape[0]):
         y = np.int64(row)
-        above = max(np.searchsorted(rows, y, side="right") - 1, 0)
+        above = max((y - rows[0]) // (rows[1] - rows[0]), 0) if rows.size > 1 else 0
         below = min(above + 1, rows.size - 1) if rows[above] < y else above
         near, far = (above, below) if y - rows[above] <= rows[below] - y else (below, above)
         between(

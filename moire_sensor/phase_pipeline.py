@@ -32,9 +32,6 @@ from moire_sensor.shot import Shot, Status
 
 # Mismatch that shading, or motion between the steps, can put between the two phases of one point.
 SHADING_SINGLE_RAD, SHADING_STEPS_RAD = 0.6, 0.3
-# Rows of a single shot whose orders are solved, one in so many: its windows take in more, and what goes wrong beside an
-# edge is mended there (depth_border). Phase steps see single rows, and where the projector measures nothing is mended.
-ROW_STEP_SINGLE = 3
 # Lets the projector steady the start of a match by grey levels where shading moves the phases.
 START_ALIGNMENT_PX = 0.15
 # Runs shorter than this are accidents; from one window of a period, those shorter than this share of it.
@@ -97,6 +94,9 @@ class PhasePipeline:
     def _ways(self) -> tuple[Way, Way]:
         """The ways of a single shot and of phase steps."""
         settings = self.settings
+        # What goes wrong beside an edge between solved rows is mended there (depth_border), but for where the projector
+        # measures. Phase steps see single rows.
+        row_step = min(settings.row_step, 2 * settings.half_height_px + 1)
         least_px = int(SLIVER_PERIODS * (2 * self._carriers[0].half_width_px))
         if not self._by_stereo:
             usual = settings, settings.max_mismatch_rad
@@ -107,7 +107,6 @@ class PhasePipeline:
         # Where the pair measures, its misalignment cannot be told from depth; a single shot only starts from there.
         starting = replace(settings, alignment_px=min(settings.alignment_px, START_ALIGNMENT_PX))
         strict = replace(settings, alignment_px=0.0), settings.max_mismatch_steps_rad
-        row_step = min(ROW_STEP_SINGLE, 2 * settings.half_height_px + 1)
         return (
             Way(True, SHADING_SINGLE_RAD, starting, settings.max_mismatch_rad, least_px, row_step),
             Way(False, SHADING_STEPS_RAD, *strict, SLIVER_PX, 1),

@@ -131,8 +131,10 @@ class Reconstructor:
         if array.dtype not in (np.uint8, np.uint16):
             raise ImageError(f"the {name} images are {array.dtype}; give uint8 or uint16 grey levels")
         # In C order whatever came: the kernels compile anew for every other layout.
-        scale = np.float32(255.0 / self._saturation_level)
-        return np.asarray(np.multiply(frames, scale, dtype=np.float32, order="C"))
+        levels = frames.astype(np.float32, order="C")
+        if self._saturation_level != 255.0:
+            levels *= np.float32(255.0 / self._saturation_level)
+        return levels
 
 
 def check_lens(rig: StereoRig, method: str) -> None:

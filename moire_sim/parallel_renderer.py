@@ -27,17 +27,18 @@ class ParallelRenderer(GeometryRenderer):
         self._workers: list[RenderWorker] = []
         self._others = processes - 1
         self._moment: Moment | None = None
-        self._moves = scene.moves
+        self._rendered = self._moves = False
         super().__init__(scene, egl)
 
     def go_to(self, moment: Moment) -> None:
         """Turn the head, and put its base and all bodies where they are at a time."""
-        self._moves = self._moves or self._moment not in (None, moment)
+        self._moves = self._moves or (self._rendered and moment != self._moment)
         self._moment = moment
         super().go_to(moment)
 
     def render_views(self, views: Sequence[DeviceView], with_bodies: Sequence[bool]) -> list[Buffers]:
         """Render several views of now: the last ones elsewhere, those before them here."""
+        self._rendered = True
         if self._moves and not self._workers:
             pixels = max(view.size[0] * view.size[1] for view in views)
             self._workers = [RenderWorker(self._scene, self._egl, pixels) for _ in range(self._others)]

@@ -8,7 +8,7 @@ from dense_rigs import Array, Float32, capture, dense_shot, sensor, stepped_shot
 
 from moire_sensor import Reconstructor, Shot, StereoRig
 from moire_sensor.paper_rig import paper_rig
-from moire_sensor.phase_pipeline import ROW_STEP_SINGLE
+from moire_sensor.settings import Settings
 from moire_sensor.shot import UNKNOWN_ORDER
 
 SCENE = "spheres"
@@ -77,7 +77,7 @@ def test_cut_images_give_the_cut_depth(method: str, by_px: tuple[int, int]) -> N
     plain = shot_of(method).disparity_px[y:, x:]
     inside = np.indices(plain.shape)[1] - np.nan_to_num(plain) > 40.0
     inside[:20] = False
-    same_rows = y % ROW_STEP_SINGLE == 0
+    same_rows = y % Settings().row_step == 0
     check_same(method, np.where(inside, shot.disparity_px, np.nan), np.where(inside, plain, np.nan), same_rows)
     assert inside.mean() > 0.6
 

@@ -38,6 +38,8 @@ def moving(processes: int, options: HeadOptions = CLEAN) -> VirtualHead:
     """A head that has moved once, with all its processes ready."""
     head = VirtualHead("corridor_drive", 3, quarter_rig(), replace(options, render_processes=processes))
     head.expose(quarter_pattern())
+    head.set_head(0.01, 0.0)
+    head.expose(quarter_pattern())
     for worker in workers_of(head):
         worker.wait_until_ready()
     return head
@@ -69,12 +71,13 @@ def test_pictures_are_the_same_to_the_bit_whoever_renders_them(options: HeadOpti
 def test_no_process_is_started_while_everything_stands_still() -> None:
     options = replace(CLEAN, render_processes=3)
     with VirtualHead("flat_board", rig=quarter_rig(), options=options) as head:
+        head.set_head(0.02, 0.0)
         for index in range(2):
-            head.set_head(0.0, 0.0)
+            head.set_head(0.02, 0.0)
             head.set_time(0.1 * index)
             head.expose(quarter_pattern(), 0, index)
         assert not workers_of(head)
-        head.set_head(0.01, 0.0)
+        head.set_head(0.03, 0.0)
         head.expose(quarter_pattern())
         started = workers_of(head)
         assert len(started) == 2
