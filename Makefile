@@ -26,7 +26,7 @@ check: setup ## lint and types
 # Two test processes; tests that start nodes run in one of them (test/conftest.py). A machine of two cores is full.
 test: check ## lint, types and all tests
 	@$(BIN)/python -m tools.warm_kernels
-	$(BIN)/pytest -n 2 --dist loadgroup
+	$(BIN)/pytest -n 2
 
 # BENCH="--parts scenes --scenes waves" measures a part; BENCH=--help tells all options.
 # Idle kernel threads sleep, as in the executables.

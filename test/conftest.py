@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import atexit
 import os
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
-from source_scan import ROOT, imported_packages
+from source_scan import imported_packages
 
 from tools.ros_domain import isolate_ros
 
@@ -21,22 +23,26 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 atexit.register(isolate_ros().close)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """In a run shared between processes (``pytest -n 2 --dist loadgroup``) all tests with nodes run in one of them.
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Share a run between processes (``pytest -n 2``) by file, and let all tests that start nodes run in one of them.
 
-    So nodes of one test at a time share the machine, and what a session or a file prepares is prepared once.
+    So the nodes of one test at a time share the machine, and what a session or a file prepares is prepared once.
     """
-    if config.pluginmanager.hasplugin("xdist"):
-        groups = {path: group_of(path) for path in {item.path for item in items}}
-        for item in items:
-            item.add_marker(pytest.mark.xdist_group(groups[item.path]))
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByNodesAndFile(LoadScopeScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            return group_of(nodeid.partition("::")[0])
+
+    return ByNodesAndFile(config, log)
 
 
-def group_of(path: Path) -> str:
-    """Name of the group of a test file's tests."""
-    starts_nodes = path.stem in START_NODES or imported_packages(str(path.relative_to(ROOT))) & STARTERS
-    return "nodes" if starts_nodes else path.stem
+@cache
+def group_of(file: str) -> str:
+    """Name of the group of a test file's tests; ``file`` is told from the root."""
+    starts_nodes = Path(file).stem in START_NODES or imported_packages(file) & STARTERS
+    return "nodes" if starts_nodes else file
 
 
 @pytest.fixture(scope="session")
