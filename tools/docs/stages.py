@@ -77,7 +77,8 @@ def measure(rig: StereoRig | None = None, seed: int = 0) -> Stages:
     )
     orders = OrderRange.build(projector, carriers[0], (far_px, near_px))
     cost = candidate_costs(carriers, projector, orders, phases, greys)
-    label, _ = OrderSolver(carriers, projector, orders, settings.jump_cost).solve(phases, greys, SHADING_SINGLE_RAD)
+    solver = OrderSolver(carriers, projector, orders, settings.jump_cost)
+    label, _ = solver.solve(phases, greys, SHADING_SINGLE_RAD, settings.row_step)
     known = np.isfinite(phases[0].offset_rad)
     match = refine(label, phases, carriers, projector, orders, settings, settings.max_mismatch_rad)
     row = rig.image_size[1] // 2
@@ -106,7 +107,7 @@ def candidate_costs(
     """Return the cost (H, K, W) of every candidate, in units of a full mismatch."""
     height, width = greys[0].shape
     cost: npt.NDArray[np.uint8] = np.zeros((height, orders.count, width), dtype=np.uint8)
-    OrderCosts(carriers, projector, orders).fill(phases, greys, SHADING_SINGLE_RAD, cost)
+    OrderCosts(carriers, projector, orders).fill(phases, greys, SHADING_SINGLE_RAD, cost, np.arange(height))
     return cost.astype(np.float32) / np.float32(UNITS)
 
 
