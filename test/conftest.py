@@ -13,9 +13,8 @@ from source_scan import imported_packages
 
 from tools.ros_domain import isolate_ros
 
-# Helpers that start nodes, and test files that start them otherwise.
-STARTERS = {"bag_runs", "ros_process"}
-START_NODES = {"test_docs_reference", "test_soak"}
+# Test files that start nodes without the helper for it.
+START_NODES = {"test_demo", "test_docs_reference", "test_soak"}
 
 # Idle kernel threads sleep, as in the executables; set before any test module imports numba.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
@@ -25,9 +24,9 @@ atexit.register(isolate_ros().close)
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Share a run between processes (``pytest -n 2``) by file, and let all tests that start nodes run in one of them.
+    """Share a run between processes (``pytest -n 2``) by file; tests that start nodes run in one of them.
 
-    So the nodes of one test at a time share the machine, and what a session or a file prepares is prepared once.
+    So the live nodes of one test at a time share the machine, and what a session or a file prepares is prepared once.
     """
     from xdist.scheduler import LoadScopeScheduling
 
@@ -40,9 +39,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @cache
 def group_of(file: str) -> str:
-    """Name of the group of a test file's tests; ``file`` is told from the root."""
-    starts_nodes = Path(file).stem in START_NODES or imported_packages(file) & STARTERS
-    return "nodes" if starts_nodes else file
+    """Name of the group of a test file's tests, which run in one process; ``file`` is told from the root."""
+    imported = imported_packages(file)
+    if "bag_runs" in imported:
+        return "recorded bags"
+    return "live nodes" if "ros_process" in imported or Path(file).stem in START_NODES else file
 
 
 @pytest.fixture(scope="session")
