@@ -23,9 +23,10 @@ check: setup ## lint and types
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+# Two test processes; tests that start nodes run in one of them (test/conftest.py). A machine of two cores is full.
 test: check ## lint, types and all tests
 	@$(BIN)/python -m tools.warm_kernels
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2
 
 # BENCH="--parts scenes --scenes waves" measures a part; BENCH=--help tells all options.
 # Idle kernel threads sleep, as in the executables.

@@ -23,6 +23,7 @@ DEV_REQUIRES = [
     "matplotlib",
     "mypy",
     "pytest",
+    "pytest-xdist",
     "ruff",
     "types-PyYAML",
 ]

@@ -1,17 +1,49 @@
-"""Settings of every test run: ROS traffic isolated, the real capture found or its tests skipped."""
+"""Settings of every test run: ROS traffic isolated, work shared out, the real capture found or its tests skipped."""
 
 from __future__ import annotations
 
 import atexit
 import os
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
+from source_scan import imported_packages
 
 from tools.ros_domain import isolate_ros
 
+# Test files that start nodes without the helper for it.
+START_NODES = {"test_demo", "test_docs_reference", "test_soak"}
+
+# Idle kernel threads sleep, as in the executables; set before any test module imports numba.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 # Held for the life of the test process; set before any test module imports rclpy.
 atexit.register(isolate_ros().close)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Share a run between processes (``pytest -n 2``) by file; tests that start nodes run in one of them.
+
+    So the live nodes of one test at a time share the machine, and what a session or a file prepares is prepared once.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByNodesAndFile(LoadScopeScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            return group_of(nodeid.partition("::")[0])
+
+    return ByNodesAndFile(config, log)
+
+
+@cache
+def group_of(file: str) -> str:
+    """Name of the group of a test file's tests, which run in one process; ``file`` is told from the root."""
+    imported = imported_packages(file)
+    if "bag_runs" in imported:
+        return "recorded bags"
+    return "live nodes" if "ros_process" in imported or Path(file).stem in START_NODES else file
 
 
 @pytest.fixture(scope="session")

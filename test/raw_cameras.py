@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -97,12 +98,18 @@ def infos() -> dict[str, CameraInfo]:
     }
 
 
-def raw_image(camera: str, phase_rad: float, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
-    """What a camera sees of the fringes, 20 + 80 + 70 cos, with noise."""
+@cache
+def fringe_phase_rad(camera: str) -> Array:
+    """Phase (H, W) of the pattern at rest at the point that each raw pixel of a camera sees."""
     points = CAMERAS[camera].points_m().reshape(-1, 3)
     rotation = cv2.Rodrigues(PROJECTOR_R)[0]
     columns = cv2.projectPoints(points, rotation, PROJECTOR_T, PROJECTOR_K, PROJECTOR_D)[0].reshape(HEIGHT, WIDTH, 2)
-    grey = 100.0 + 70.0 * np.cos(2.0 * math.pi * columns[..., 0] / PERIOD_PX + phase_rad)
+    return np.asarray(2.0 * math.pi * columns[..., 0] / PERIOD_PX)
+
+
+def raw_image(camera: str, phase_rad: float, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+    """What a camera sees of the fringes, 20 + 80 + 70 cos, with noise."""
+    grey = 100.0 + 70.0 * np.cos(fringe_phase_rad(camera) + phase_rad)
     return np.asarray(np.rint(grey + rng.normal(0.0, NOISE, grey.shape)).clip(0, 255).astype(np.uint8))
 
 

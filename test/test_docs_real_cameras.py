@@ -35,6 +35,7 @@ from moire_sensor.ros.image_messages import image_message
 DOCS = Path(__file__).parents[1] / "docs" / "real_cameras.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", DOCS.read_text(), re.DOTALL)
 MARGIN_PX = 16
+SENSOR = ("method:=phase_shift", "reliable_input:=true", "diagnostics_period_s:=0.1")
 # Clocks of two cameras on one trigger, seconds apart.
 SKEW_NS = 300_000
 
@@ -79,7 +80,7 @@ def test_the_driver_gives_one_stamp_and_the_step_though_a_frame_is_lost(folder: 
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(DOCS.parents[1]), os.environ.get("PYTHONPATH", "")]),
     }
-    with ros_node("drivers") as node, running("reconstruction", "method:=phase_shift", "reliable_input:=true"):
+    with ros_node("drivers") as node, running("reconstruction", *SENSOR):
         drivers = TestHead(node)
         drivers.listen("depth/image_rect", Image)
         drivers.wait_for_subscribers()

@@ -24,6 +24,7 @@ from moire_sim import HeadOptions, VirtualHead
 
 ROOT = Path(__file__).parents[1]
 MARKS, FREE = "points_nav", "points_nav_clearing"
+SENSOR = ("reliable_input:=true", "diagnostics_period_s:=0.1")
 LAYERS: dict[str, tuple[type[Costmap], int]] = {"obstacle": (Costmap, 2), "voxel": (VoxelCostmap, 3)}
 # Height of the camera over the floor as the scene has it, tilt downwards; the scene, the same after things have left.
 SCENES = {
@@ -112,7 +113,7 @@ def head() -> Iterator[TestHead]:
     """The reconstruction with our parameters for navigation."""
     values = yaml.safe_load((ROOT / "config" / "navigation.yaml").read_text())["/**/reconstruction"]["ros__parameters"]
     given = (f"{name}:={value}" for name, value in values.items())
-    with ros_node("test_head") as node, running("reconstruction", "reliable_input:=true", *given):
+    with ros_node("test_head") as node, running("reconstruction", *SENSOR, *given):
         head = TestHead(node)
         for topic in (MARKS, FREE):
             head.listen(topic, PointCloud2)

@@ -28,6 +28,7 @@ PIP_NAMES = {
     "python3-opencv": {"opencv-python-headless"},
     "python3-pybullet-pip": {"pybullet", "pybullet-arm64"},
     "python3-pytest": {"pytest"},
+    "python3-pytest-xdist": {"pytest-xdist"},
     "python3-rosbags-pip": {"rosbags"},
     "python3-ruff-pip": {"ruff"},
     "python3-tqdm": {"tqdm"},

@@ -19,6 +19,7 @@ from moire_sensor.ros.image_messages import image_message
 from moire_sensor.ros.projector_state import ProjectorState, state_message
 
 DEPTH = "depth/image_rect"
+SENSOR = ("reliable_input:=true", "diagnostics_period_s:=0.1")
 STEPS = 4
 # Noise floor of the rig (amplitude 70, noise 1.5, 1 m): 0.09 mm from some rows, 0.33 mm from one pixel in four steps.
 # Twice that: rectification interpolates, the plane is slanted and reaches to 1.1 m.
@@ -30,7 +31,7 @@ MARGIN_PX = PERIOD_PX
 
 @contextmanager
 def reconstruction(*parameters: str) -> Iterator[TestHead]:
-    with ros_node("cameras") as node, running("reconstruction", "reliable_input:=true", *parameters):
+    with ros_node("cameras") as node, running("reconstruction", *SENSOR, *parameters):
         cameras = TestHead(node)
         cameras.listen(DEPTH, Image)
         cameras.wait_for_subscribers()
