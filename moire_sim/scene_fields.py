@@ -51,6 +51,14 @@ class Fields:
         self.used.add(name)
         return self.values.get(name, default)
 
+    def wanted(self, name: str, default: Any = None) -> Any:
+        """Return a field; raises SceneError where it is missing and has no default."""
+        value = self.get(name, default)
+        if value is None:
+            given = ", ".join(quoted(one) for one in self.values) or "no field"
+            raise SceneError(f"{self.place}: {name} is missing; given is {given}")
+        return value
+
     def inner(self, name: str) -> Fields | None:
         """Return the fields within a field, None where it is not there."""
         values = self.get(name)
@@ -58,13 +66,13 @@ class Fields:
 
     def number(self, name: str, default: float | None = None, low: float = -1e3, high: float = 1e3) -> float:
         """Return a number or the value of an expression."""
-        return self._number(name, self.get(name, default), low, high)
+        return self._number(name, self.wanted(name, default), low, high)
 
     def vector(
         self, name: str, count: int, default: tuple[float, ...] | None = None, low: float = -1e3, high: float = 1e3
     ) -> tuple[float, ...]:
         """Return ``count`` numbers."""
-        return self._vector(name, self.get(name, default), count, low, high)
+        return self._vector(name, self.wanted(name, default), count, low, high)
 
     def vectors(self, name: str, count: int) -> tuple[tuple[float, ...], ...]:
         """Return a list of lists of ``count`` numbers each; endless (.inf) is a number here."""
@@ -76,7 +84,7 @@ class Fields:
 
     def text(self, name: str, default: str | None = None) -> str:
         """Return a text."""
-        value = self.get(name, default)
+        value = self.wanted(name, default)
         if not isinstance(value, str):
             raise SceneError(f"{self.place}: {name} is {quoted(str(value))}; give a text")
         return value
@@ -91,7 +99,7 @@ class Fields:
         return value
 
     def _items(self, name: str) -> list[Any]:
-        values = self.get(name)
+        values = self.wanted(name)
         if not isinstance(values, list):
             raise SceneError(f"{self.place}: {name} is {quoted(str(values))}; give a list")
         return values

@@ -113,7 +113,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         self.get_logger().info(
             f"ready: scene {values['scene']}, {values['rate_hz']:g} Hz, {values['phase_steps']} step(s), "
             f"optics {values['optics']}, rendered by {'EGL' if self._head.uses_egl else 'TinyRenderer'}, "
-            f"what moves in {self._head.render_processes} process(es)"
+            f"with up to {self._head.render_processes} processes where something moves"
         )
 
     def close(self) -> None:

@@ -177,7 +177,7 @@ def test_meshes_are_read_scaled_turned_and_placed(tmp_path: Path) -> None:
         ("format: 2\nbodies: []\n", "has format 2; this program reads 1"),
         ("format: 1\nbodies: []\ncolour: red\n", "has the field 'colour'; the fields are about, bodies"),
         ("format: 1\nbodies:\n- {albedo: 1.0}\n", "body 1 is of 'albedo'; give it as one of box, cylinder, capsule"),
-        ("format: 1\nbodies:\n- {box: {centre_m: [0, 0, 1]}}\n", "body 1, box: size_m is 'None'; give 3 numbers"),
+        ("format: 1\nbodies:\n- {box: {centre_m: [0, 0, 1]}}\n", "body 1, box: size_m is missing; given is 'centre_m'"),
         ("format: 1\nbodies:\n- {sphere: {centre_m: [0, 0, far], radius_m: 1}}\n", r"centre_m is 'far'; .*none here"),
         ("format: 1\nbodies:\n- {sphere: {centre_m: [0, 0, 1], radius_m: .nan}}\n", "radius_m is 'nan'; give a number"),
         ("format: 1\nbodies:\n- {sphere: {centre_m: [0, 0, 1], radius_m: 1}, albedo: 2}\n", "albedo is '2'; .* 0 to 1"),
