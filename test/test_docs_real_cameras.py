@@ -85,12 +85,14 @@ def test_the_driver_gives_one_stamp_and_the_step_though_a_frame_is_lost(folder: 
         drivers.listen("depth/image_rect", Image)
         drivers.wait_for_subscribers()
         cameras = {side: node.create_publisher(Image, f"/{side}_camera/image_raw", 10) for side in ("left", "right")}
+        # Before the driver starts, which then knows this subscription before it has anything to say.
+        states = node_states(drivers)
         program = subprocess.Popen([sys.executable, "head_driver.py"], cwd=folder, env=environment)
         try:
             drivers.wait(lambda: all(one.get_subscription_count() for one in cameras.values()), "the driver", TIMEOUT_S)
             drivers.wait(lambda: node.count_publishers("projector/camera_info") == 2, "the projector's info", TIMEOUT_S)
             drivers.send_infos({side: infos()[side] for side in ("left", "right")})
-            play(drivers, cameras)
+            play(drivers, cameras, states)
         finally:
             program.terminate()
             code = program.wait(TIMEOUT_S)
@@ -101,10 +103,9 @@ def test_the_driver_gives_one_stamp_and_the_step_though_a_frame_is_lost(folder: 
     assert np.nanmedian(error_mm) * 1e3 <= 0.66
 
 
-def play(drivers: TestHead, cameras: dict[str, Any]) -> None:
+def play(drivers: TestHead, cameras: dict[str, Any], states: list[int]) -> None:
     """Triggers until there is depth, each answered before the next; one frame of the right camera is lost."""
     rng = np.random.default_rng(9)
-    states = node_states(drivers)
     for trigger in range(8):
         stamp = drivers.stamp + trigger * NANOSECONDS // 10
         for side, late_ns in (("left", 0), ("right", SKEW_NS)):
