@@ -13,11 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.depth_refine import Match
+from moire_sensor.depth_trust import JUMP_PX
+from moire_sensor.depth_views import PATCH_PX
 from moire_sensor.phase_carrier import Float32
 
-# Neighbours further apart lie on different surfaces.
-JUMP_PX = 1.0
-PATCH_PX = 32
 # Enough pixels for a mean: every second row and column.
 SAMPLE_PX = 2
 # No surface of a valid scene lies as far off (thin poles in dim light 0.4), what stands behind the range 0.3 to 1.1.

@@ -49,6 +49,7 @@ class OrderPaths:
 
     Attributes
     ----------
+    rows : as given.
     cost : (lines, labels, columns) uint8, in 1/85, to be filled before :meth:`solve`. Larger than the rows seen by a
         margin that the programmes need: fill ``cost[:n, :, :width]``.
     """
@@ -58,7 +59,7 @@ class OrderPaths:
         columns, lines = 8 * (width // 8 + 1), 8 * (height // 8 + 1)
         lanes = min(BLOCK_ROWS, lines)
         workers = get_num_threads()
-        self._rows = rows
+        self.rows = rows
         self._jump = np.int16(round(float(UNITS) * jump_cost))
         # Between rows that each speak for several a jump weighs less against what they cost, as between rows of each.
         self._jump_down = np.int16(round(float(UNITS) * jump_cost / float(np.diff(rows).max(initial=1))))
@@ -90,14 +91,14 @@ class OrderPaths:
         (n, W) int8 labels, -1 where the phase is unknown; (n, W) int8, -1 also where there is one label only;
         (n, W) float32, 0 where the phase is unknown. The next call overwrites them.
         """
-        fill_steps(offset_rad, self._rows, self._across, self._down)
+        fill_steps(offset_rad, self.rows, self._across, self._down)
         fill_row_paths(
             self.cost.view(np.uint64), self._across.view(np.uint64), self._block_cost, self._block_cost.view(np.uint64),
             self._block_across, self._block_across.view(np.uint64), self._block_total,
             self._block_total.view(np.uint64), self._block_states, self._jump, self._total.view(np.uint64),
         )  # fmt: skip
         choose_by_columns(
-            self.cost, self._total, self._down, offset_rad, self._rows, self._stripe_states, self._stripe_ranks,
+            self.cost, self._total, self._down, offset_rad, self.rows, self._stripe_states, self._stripe_ranks,
             self._jump_down, self._label, self._runner_up, self._margin,
         )  # fmt: skip
         return self._label, self._runner_up, self._margin

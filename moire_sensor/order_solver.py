@@ -41,10 +41,13 @@ class OrderSolver:
         self._labels, self._jump_cost = orders.count, jump_cost
         self._runner_up: Int8 = np.full((1, 1), -1, dtype=np.int8)
 
-    def _paths(self, rows: npt.NDArray[np.int64]) -> OrderPaths:
+    def _paths(self, row_step: int) -> OrderPaths:
         """The programmes' memory, shared in the thread."""
-        key = ("paths", self._shape, self._labels, self._jump_cost, rows.size, get_num_threads())
-        return scratch(key, lambda: OrderPaths(rows, self._shape[1], self._labels, self._jump_cost))
+        height, width = self._shape
+        key = ("paths", self._shape, self._labels, self._jump_cost, row_step, get_num_threads())
+        return scratch(
+            key, lambda: OrderPaths(solved_rows(height, row_step), width, self._labels, self._jump_cost)
+        )
 
     def solve(
         self,
@@ -55,19 +58,23 @@ class OrderSolver:
     ) -> tuple[Int8, Float32]:
         """Return the cheapest label (H, W) int8, -1 where the phase is unknown, and by how much the next costs more.
 
+        They last until another solver of the thread works.
+
         Parameters
         ----------
         phases, greys : of the left and right camera, (H, W).
         shading_rad : mismatch of phases that shading explains, radians.
         row_step : only every so manieth row is solved, those between continue it.
         """
-        rows = solved_rows(self._shape[0], row_step)
-        paths = self._paths(rows)
-        self._costs.fill(phases, greys, shading_rad, paths.cost, rows)
-        some_rows = paths.solve(phases[0].offset_rad)
+        paths = self._paths(row_step)
+        self._costs.fill(phases, greys, shading_rad, paths.cost, paths.rows)
+        label, self._runner_up, margin = paths.solve(phases[0].offset_rad)
+        if row_step == 1:
+            return label, margin
+        some_rows = label, self._runner_up, margin
         label, self._runner_up = np.empty((2, *self._shape), dtype=np.int8)
         margin = np.empty(self._shape, dtype=np.float32)
-        fill_rows(phases[0].offset_rad, rows, self._labels, *some_rows, label, self._runner_up, margin)
+        fill_rows(phases[0].offset_rad, paths.rows, self._labels, *some_rows, label, self._runner_up, margin)
         return label, margin
 
     def second(self, label: Int8, disparity_px: Float32) -> Int8:

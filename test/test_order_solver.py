@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
 import pytest
-from dense_rigs import capture
+from dense_rigs import SMALL, capture, small_carriers, small_map, small_rig
 
 from moire_sensor.order_range import OrderRange
-from moire_sensor.order_solver import OrderSolver
+from moire_sensor.order_solver import Int8, OrderSolver
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
@@ -75,3 +76,23 @@ def test_planes_get_their_orders_and_refused_ones_another(row_step: int) -> None
         assert (second[~refused] == -1).all()
         assert (second[refused] >= 0).all()
         assert (second != label)[refused].all()
+
+
+def test_steps_with_as_many_rows_do_not_share_work_memory() -> None:
+    """Of 40 rows, every eighth and every ninth are five rows each, but not the same ones."""
+    projector = small_map(small_rig())
+    carriers = small_carriers(projector, 12.0)
+    solver = OrderSolver(carriers, projector, OrderRange.build(projector, carriers[0], (-10.0, 34.0)), 0.8)
+    rng = np.random.default_rng(4)
+    flat = np.full(SMALL[::-1], 50.0, dtype=np.float32)
+    status = np.zeros(SMALL[::-1], dtype=np.uint8)
+    phases = tuple(
+        PhaseImage(rng.uniform(-np.pi, np.pi, flat.shape).astype(np.float32), flat, flat, flat, status) for _ in "lr"
+    )
+
+    def labels(row_step: int) -> Int8:
+        return solver.solve((phases[0], phases[1]), (flat, flat), 0.6, row_step)[0].copy()
+
+    labels(8)
+    with ThreadPoolExecutor(max_workers=1) as fresh:  # every thread has work memory of its own
+        np.testing.assert_array_equal(labels(9), fresh.submit(labels, 9).result())
