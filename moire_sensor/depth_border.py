@@ -173,7 +173,7 @@ def assign(  # type: ignore[no-untyped-def]
                 end += 1
             after = end if end < width else -1
             for x in range(start, end):
-                if near[y, x]:
+                if near[y, x] > 1 or (near[y, x] == 1 and np.isnan(disparity[y, x])):
                     judge(
                         disparity, above, below, claim, y, x, start - 1, after, left, right, background, amplitude,
                         map_, limits, new_disparity, new_sigma, new_signed, new_mismatch,

@@ -16,7 +16,7 @@ from moire_sensor.phase_carrier import Float32
 from moire_sensor.settings import Settings
 
 # The longest gap, and the highest step across it.
-LENGTH_PX, STEP_PX = 8, np.float32(12.0)
+LENGTH_PX, STEP_PX = 8, np.float32(16.0)
 # Pixels of each surface that must lie beside the gap.
 EDGE_PX = 3
 # A pixel with fringes of less than this share of its neighbour's shows something else too.
@@ -25,6 +25,11 @@ MIXED_SHARE = np.float32(0.9)
 MISFIT_SHARE = 0.25
 # Half of the row of grey levels that speaks for a pixel.
 HALF_ROW_PX = 3
+HALF = np.float32(0.5)
+# How well an end of a gap is known: a uniform error of a pixel has a sigma of 0.29.
+END_DOUBT_PX = np.float32(0.25)
+# A surface's light tells where it ends if it differs from the gap's by so many times the noise of a difference.
+TELLING_CONTRAST = np.float32(3.0)
 
 
 def bridge(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, settings: Settings) -> None:
@@ -33,7 +38,7 @@ def bridge(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, set
     Parameters
     ----------
     match : disparities, NaN where unknown; a bridged pixel has as mismatch the difference of grey levels in fringe
-        amplitudes, as sigma what a pixel of doubt about the gap's ends makes of its slope, and no signed mismatch.
+        amplitudes of the gap's ends, as sigma what their doubt makes of its slope, and no signed mismatch.
     greys : left, and right with the grey levels of the left, (H, W) float32.
     amplitude : fringe amplitude of the left image (H, W).
     """
@@ -48,29 +53,38 @@ def bridge_lines(  # type: ignore[no-untyped-def]
     disparity, sigma, signed, mismatch, left, right, amplitude, limits, upright
 ):
     """Fill the gaps of every line of the first four images, which are transposed if ``upright``."""
-    lines, length = disparity.shape
-    for number in prange(lines):
+    for number in prange(disparity.shape[0]):
         line = np.int64(number)
         here = disparity[line]
-        bright = amplitude[:, line] if upright else amplitude[line]
+        images = here, sigma[line], signed[line], mismatch[line]
         last = -1
-        for at in range(length):
+        for at in range(here.size):
             if here[at] != here[at]:
                 continue
             if last >= 0 and 1 < at - last <= LENGTH_PX + 1 and meet(here, last, at):
-                first, end = firm_ends(bright, last, at)
-                begin = here[first]
-                slope = (here[end] - begin) / np.float32(end - first)
-                for x in range(first + 1, end):
-                    found = begin + slope * np.float32(x - first)
-                    row, column = (x, line) if upright else (line, x)
-                    along = np.float32(0.0) if upright else slope
-                    apart = row_difference(left, right, row, column, found, along)
-                    if apart < limits[0] + limits[1] * bright[x]:
-                        here[x], sigma[line, x] = found, sigma[line, first] + abs(slope)
-                        signed[line, x] = np.float32(np.nan)
-                        mismatch[line, x] = apart / max(bright[x], np.float32(1.0))
+                fill_gap(images, left, right, amplitude, limits, line, last, at, upright)
             last = at
+
+
+@njit(inline="always", fastmath=False)
+def fill_gap(images, left, right, amplitude, limits, line, last, at, upright):  # type: ignore[no-untyped-def]
+    """Fill the pixels of one gap that fit, in a line of the four images."""
+    here, sigma, signed, mismatch = images
+    bright = amplitude[:, line] if upright else amplitude[line]
+    first, end = firm_ends(bright, last, at)
+    begin, length = np.float32(first), np.float32(end - first)
+    if upright:
+        begin, length = lit_ends(left[:, line], last, at, first, end, limits[0])
+    step, shine = here[end] - here[first], max(min(bright[first], bright[end]), np.float32(1.0))
+    doubt = sigma[first] + END_DOUBT_PX * abs(step) / length
+    along = np.float32(0.0) if upright else step / length
+    for x in range(first + 1, end):
+        part = min(max((np.float32(x) - begin) / length, np.float32(0.0)), np.float32(1.0))
+        found = here[first] + step * part
+        row, column = (x, line) if upright else (line, x)
+        apart = row_difference(left, right, row, column, found, along)
+        if apart < limits[0] + limits[1] * bright[x]:
+            here[x], sigma[x], signed[x], mismatch[x] = found, doubt, np.float32(np.nan), apart / shine
 
 
 @njit(inline="always", fastmath=False)
@@ -78,6 +92,30 @@ def firm_ends(bright, last, at):  # type: ignore[no-untyped-def]
     """The ends of a gap, each a pixel further out where its fringes are dim beside those behind it: a mixed pixel."""
     first = last - 1 if bright[last] < MIXED_SHARE * bright[last - 1] else last
     return first, at + 1 if bright[at] < MIXED_SHARE * bright[at + 1] else at
+
+
+@njit(inline="always", fastmath=False)
+def lit_ends(grey, last, at, first, end, noise):  # type: ignore[no-untyped-def]
+    """Where along a column a dark gap begins, and its length, pixels: the mixed pixels at its ends tell by their light.
+
+    Where the surface is as dark as the gap nothing tells, and the gap begins at ``first``
+    or ends at ``end``, the firm pixels beside it.
+    """
+    dark = grey[(last + at) // 2]
+    above = share_lit(grey, last, last - 2, dark, noise) + share_lit(grey, last + 1, last - 2, dark, noise)
+    below = share_lit(grey, at, at + 2, dark, noise) + share_lit(grey, at - 1, at + 2, dark, noise)
+    begins = np.float32(last) + above - HALF if above > 0.0 else np.float32(first)
+    ends = np.float32(at) - below + HALF if below > 0.0 else np.float32(end)
+    return np.float32(begins), np.float32(max(ends - begins, np.float32(1.0)))
+
+
+@njit(inline="always", fastmath=False)
+def share_lit(grey, mixed, whole, dark, noise):  # type: ignore[no-untyped-def]
+    """Share 0..1 of a mixed pixel's light that comes from the surface of a whole one; 0 where that one is dark, too."""
+    contrast = grey[whole] - dark
+    if abs(contrast) < TELLING_CONTRAST * noise:
+        return np.float32(0.0)
+    return min(max((grey[mixed] - dark) / contrast, np.float32(0.0)), np.float32(1.0))
 
 
 @njit(inline="always", fastmath=False)

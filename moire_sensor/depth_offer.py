@@ -17,6 +17,8 @@ NO_CLAIM = np.float32(-1e9)
 LEAST_POWER = np.float32(0.2)
 # A plane is moved by what the row says if that is more than noise, and given up beyond the largest move.
 MOVE_PX, LARGEST_MOVE_PX = np.float32(0.3), np.float32(0.8)
+# A plane carried further along the row than this must be matched better than a tenth of a pixel.
+NEAR_PX, FAR_VARIANCE = 14, np.float32(0.01)
 # Light that the plane promises may be missing by this share of the fringe amplitude; a shadow lacks more.
 DIM_SHARE = np.float32(0.7)
 GLARE_SHARE = np.float32(0.4)
@@ -92,6 +94,8 @@ def fits(  # type: ignore[no-untyped-def]
     shift, power, variance = row_match(left, right, y, x, disparity, along, x + aside - ROW_SPAN_PX)
     fringe_slope = bright * limits[0]
     if power < LEAST_POWER * np.float32(0.5) * fringe_slope * fringe_slope or abs(shift) > LARGEST_MOVE_PX:
+        return disparity, refused, variance
+    if abs(x - x0) > NEAR_PX and variance > FAR_VARIANCE:
         return disparity, refused, variance
     if abs(shift) > MOVE_PX:
         disparity += shift

@@ -17,6 +17,8 @@ from moire_sensor.scratch import scratch
 JUMP_PX = np.float32(1.0)
 # Only pixels so near to a trusted one are looked at; along the row a plane is carried further, across a shadow.
 REACH_PX, ROW_REACH_PX = 14, 80
+# Unknown pixels are looked at so much further along the row.
+HOLE_REACH_PX = 6
 FAR = np.uint8(REACH_PX + 1)
 # Columns that one task follows from row to row.
 BLOCK_PX = 64
@@ -33,7 +35,7 @@ class Trust:
     disparity : float32, disparities at the begin of the round, NaN where unknown.
     trust : uint8, 1 for pixels with a disparity and neither jump nor hole within ``RIM_PX``.
     fresh : uint8, 1 for those that were not trusted in the round before.
-    near : uint8, 1 within ``REACH_PX`` of a fresh one in both directions.
+    near : uint8, 2 within ``REACH_PX`` of a fresh one in both directions, 1 within ``HOLE_REACH_PX`` more of the row.
     above, below : uint8, rows to the nearest trusted pixel of the column, ``FAR`` where none lies in reach.
     claim : float32, disparity of the nearest trusted surface that each right pixel shows, ``NO_CLAIM`` where none.
     """
@@ -68,6 +70,8 @@ class Trust:
         np.greater(self.below, self.trust, out=self.fresh.view(np.bool_))
         np.copyto(self.trust, self.below)
         cv2.dilate(self.fresh, square(REACH_PX), dst=self.near)
+        cv2.dilate(self.near, np.ones((1, 2 * HOLE_REACH_PX + 1), dtype=np.uint8), dst=self.above)
+        np.add(self.near, self.above, out=self.near)
         fill_rows_away(self.trust, self.above, self.below)
         fill_claims(self.disparity, self.trust, self.claim)
 

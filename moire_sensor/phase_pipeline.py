@@ -14,6 +14,7 @@ from moire_sensor.depth_check import drop_rivals, drop_slivers, without_specks
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_refine import Match, fringe_orders, refine
+from moire_sensor.depth_rim import close_rims
 from moire_sensor.depth_shot import drop_out_of_range, results
 from moire_sensor.depth_surface import along_surface
 from moire_sensor.depth_views import orders_fail, patch_mismatch_rad
@@ -163,6 +164,7 @@ class PhasePipeline:
         if self._by_stereo:
             extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
             bridge(match, greys, phases[0].amplitude, self.settings)
+            close_rims(match, greys[0], phases[0], self._projector, self.settings)
             if way.single:
                 drop_slivers(match.disparity_px, SLIVER_PX)
         return self._shot(phases, match, margin)

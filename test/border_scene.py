@@ -196,6 +196,8 @@ def slow_offer(
     fringe_power = 0.5 * (AMPLITUDE * PROJECTOR.rad_per_column) ** 2
     if power < fit.LEAST_POWER * fringe_power or abs(shift) > fit.LARGEST_MOVE_PX:
         return None
+    if abs(x - x0) > fit.NEAR_PX and variance > fit.FAR_VARIANCE:
+        return None
     d += shift if abs(shift) > fit.MOVE_PX else 0.0
     if is_taken(claim, y, x, d):
         return None
@@ -227,9 +229,12 @@ def slow_extend(views: tuple[Float32, Float32], match: Match) -> Array:
     trust = fresh = slow_trusted(images[0])
     for _ in range(border.ROUNDS):
         height, width = fresh.shape
-        reach = depth_trust.REACH_PX
-        todo = np.array([[fresh[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1].any()
-                          for x in range(width)] for y in range(height)])  # fmt: skip
+        reach, further = depth_trust.REACH_PX, depth_trust.REACH_PX + depth_trust.HOLE_REACH_PX
+        near, holes = (
+            np.array([[fresh[max(y - reach, 0) : y + reach + 1, max(x - aside, 0) : x + aside + 1].any()
+                       for x in range(width)] for y in range(height)]) for aside in (reach, further)
+        )  # fmt: skip
+        todo = near | (holes & np.isnan(images[0]))
         images = slow_round(views, images, trust, todo)
         before, trust = trust, slow_trusted(images[0])
         fresh = trust & ~before

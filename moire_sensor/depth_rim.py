@@ -1,0 +1,142 @@
+"""The last pixels of a surface: mixed ones at its edge, which the light of two surfaces, or of one and a shadow, makes.
+
+No window of grey levels fits such a pixel, since the other camera mixes it differently. But its own grey level tells
+which of the surfaces beside it covers more of it: each promises one, by its depth, its fringes and the projector.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from moire_sensor.angles import wrap
+from moire_sensor.depth_offer import cos
+from moire_sensor.depth_refine import Match
+from moire_sensor.depth_trust import JUMP_PX
+from moire_sensor.depth_window import BARE
+from moire_sensor.phase_carrier import Float32
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.projector_map import ProjectorMap, phase_of_disparity
+from moire_sensor.settings import Settings
+
+# What a surface is like is read so many pixels behind its edge, beyond which windows hardly straddle it.
+BEHIND_PX = 3
+# Two surfaces must promise grey levels so many times the noise apart; of that gap the pixel may differ by a share from
+# the nearer one, and lie so far from the other.
+APART_SIGMAS = np.float32(8.0)
+# A single grey level tells nothing where fringes are weaker than this many times the noise.
+LEAST_SIGMAS = np.float32(20.0)
+MIXED_SHARE, MOST_BEYOND = np.float32(0.4), np.float32(1.3)
+# A surface alone must keep its promise within this share of its amplitude, and be brighter than its own shadow by it.
+PROMISE_SHARE = np.float32(0.25)
+# Albedo and slope may make a surface's edge dimmer or brighter than what lies behind.
+LEAST_SHADE, MOST_SHADE = np.float32(0.3), np.float32(1.5)
+HALF = np.float32(0.5)
+ROUNDS = 1
+# The sigma of a pixel that only one camera speaks for.
+SIGMA_PX = np.float32(0.35)
+
+
+def close_rims(match: Match, left: Float32, phase: PhaseImage, projector: ProjectorMap, settings: Settings) -> None:
+    """Give the unknown pixels right beside a surface to it, in place, where their grey level says so.
+
+    Parameters
+    ----------
+    match : disparities, NaN where unknown; a pixel given has as mismatch the difference of its grey level from the
+        promised one in fringe amplitudes, a sigma of half a pixel, and no signed mismatch.
+    left : grey levels (H, W) float32.
+    phase : the left phase, whose amplitude and background tell how bright a surface is.
+    """
+    noise = np.float32(settings.image_noise)
+    known = np.empty_like(match.disparity_px)
+    for _ in range(ROUNDS):
+        np.copyto(known, match.disparity_px)
+        fill_rims(known, left, phase.background, phase.amplitude, projector.packed(), noise, *match.images())
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def fill_rims(  # type: ignore[no-untyped-def]
+    known, left, background, amplitude, map_, noise, disparity, sigma, signed, mismatch
+):
+    """Kernel of :func:`close_rims`: reads ``known`` and writes the last four images (H, W)."""
+    height, width = known.shape
+    for row in prange(height):
+        y = np.int64(row)
+        for x in range(width):
+            if known[y, x] == known[y, x]:
+                continue
+            found, apart = given(known, left, background, amplitude, map_, noise, y, x)
+            if found == found:
+                disparity[y, x], sigma[y, x] = found, SIGMA_PX
+                signed[y, x], mismatch[y, x] = np.float32(np.nan), apart
+
+
+@njit(forceinline=True, **BARE)
+def edge_of(known, y, x, side):  # type: ignore[no-untyped-def]
+    """The pixel left (side 0), right (1), above (2) or below (3), which way that is, and whether it is known."""
+    height, width = known.shape
+    down, right = (0, 2 * side - 1) if side < 2 else (2 * side - 5, 0)
+    y0, x0 = y + down, x + right
+    there = 0 <= y0 < height and 0 <= x0 < width and not np.isnan(known[y0, x0])
+    return y0, x0, down, right, there
+
+
+@njit(forceinline=True, **BARE)
+def promised(known, left, background, amplitude, map_, y, x, edge):  # type: ignore[no-untyped-def]
+    """Disparity, grey level and amplitude that the surface which ends at an edge promises, and its darkest level."""
+    y0, x0, down, right, _ = edge
+    height, width = known.shape
+    y1 = min(max(y0 + BEHIND_PX * down, 0), height - 1)
+    x1 = min(max(x0 + BEHIND_PX * right, 0), width - 1)
+    here = known[y0, x0]
+    step = known[y1, x1] - here
+    # A surface narrower than what is looked behind is taken as level.
+    if not abs(step) < JUMP_PX:
+        y1, x1, step = y0, x0, np.float32(0.0)
+    slope = step / np.float32(BEHIND_PX)
+    y2, x2 = min(max(y0 + down, 0), height - 1), min(max(x0 + right, 0), width - 1)
+    dim, bright = background[y1, x1], max(amplitude[y1, x1], np.float32(1.0))
+    inside = dim + bright * cos_at(map_, x2, y2, here + slope)
+    shade = min(max(left[y2, x2] / max(inside, np.float32(1.0)), LEAST_SHADE), MOST_SHADE)
+    here -= slope
+    level = shade * (dim + bright * cos_at(map_, x, y, here))
+    return here, level, shade * bright, shade * (dim - bright)
+
+
+@njit(forceinline=True, **BARE)
+def cos_at(map_, x, y, disparity):  # type: ignore[no-untyped-def]
+    """Cosine of the fringes' phase on a left pixel of a disparity."""
+    phase, _ = phase_of_disparity(map_, x, y, disparity)
+    return cos(wrap(np.float32(phase)))
+
+
+@njit(forceinline=True, **BARE)
+def given(known, left, background, amplitude, map_, noise, y, x):  # type: ignore[no-untyped-def]
+    """Disparity that an unknown pixel is given (NaN: none), and its difference in amplitudes."""
+    grey = left[y, x]
+    nan, off = np.float32(np.nan), np.float32(np.inf)
+    best, level, bright, dark, along_row = nan, nan, nan, nan, False
+    for side in range(4):
+        edge = edge_of(known, y, x, side)
+        if edge[4]:
+            found = promised(known, left, background, amplitude, map_, y, x, edge)
+            if abs(found[1] - grey) < off:
+                off = abs(found[1] - grey)
+                best, level, bright, dark = found
+                along_row = side < 2
+    if best != best or bright < LEAST_SIGMAS * noise:
+        return nan, nan
+    gap, rival = np.float32(0.0), nan
+    for side in range(4):
+        edge = edge_of(known, y, x, side)
+        if edge[4]:
+            here, other, _, _ = promised(known, left, background, amplitude, map_, y, x, edge)
+            if abs(here - best) > JUMP_PX and abs(other - level) >= gap:
+                if not along_row and side > 1:
+                    return nan, nan
+                gap, rival = abs(other - level), other
+    if rival != rival:
+        kept = grey - dark > PROMISE_SHARE * bright and off <= PROMISE_SHARE * bright
+        return (best, HALF * off / bright) if kept else (nan, nan)
+    kept = gap >= APART_SIGMAS * noise and off <= MIXED_SHARE * gap and abs(grey - rival) <= MOST_BEYOND * gap
+    return (best, HALF * off / gap) if kept else (nan, nan)
