@@ -21,7 +21,7 @@ from moire_sensor.ros.diagnostics import DiagnosticsPublisher
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.head_publisher import HeadPublisher
 from moire_sensor.ros.image_messages import image_message
-from moire_sensor.ros.parameters import ParameterSpec, changed_values, declare, refuse_unknown
+from moire_sensor.ros.parameters import ParameterSpec, changed_values, declare, help_text, refuse_unknown
 from moire_sensor.ros.projector_state import state_of_exposure
 from moire_sensor.ros.qos import latched_qos, overridable, publisher_qos
 from moire_sim.exposure_rate import ExposureRate
@@ -221,7 +221,7 @@ def open_head(values: dict[str, Any]) -> VirtualHead:
 
 def main() -> int:
     """Run the node; the console script."""
-    return run_node(VirtualHeadNode, USAGE)
+    return run_node(VirtualHeadNode, USAGE + help_text(SPECS))
 
 
 if __name__ == "__main__":

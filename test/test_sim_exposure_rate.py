@@ -22,7 +22,7 @@ def after(rate: ExposureRate, seconds: float, hz: float, start_s: float = 0.0) -
 
 @pytest.mark.parametrize(
     ("wanted_hz", "hz", "slow"),
-    [(30.0, 30.0, False), (30.0, 20.0, True), (30.0, 28.0, False), (0.1, 0.1, False), (0.2, 0.1, True), (0, 5.0, False)],
+    [(30.0, 30.0, False), (30.0, 20.0, True), (30.0, 28.0, False), (0.1, 0.1, False), (0.2, 0.1, True), (0, 5, False)],
 )
 def test_a_rate_is_reached_or_not(wanted_hz: float, hz: float, slow: bool) -> None:
     rate = ExposureRate(wanted_hz)
