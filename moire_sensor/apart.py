@@ -26,3 +26,6 @@ class Apart(CompilerBase):  # type: ignore[misc]
 # Of numbers that are never NaN, and of those that may be.
 ROW_FAST: dict[str, Any] = {**FAST, "pipeline_class": Apart}
 ROW: dict[str, Any] = {"fastmath": NAN_SAFE, "error_model": "numpy", "pipeline_class": Apart}
+# The same for kernels that only compute, called for few columns at a time.
+LEAF: dict[str, Any] = {**ROW, "_nrt": False}
+LEAF_FAST: dict[str, Any] = {**ROW_FAST, "_nrt": False}

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.angles import fast_atan2
+from moire_sensor.angles import FAST, fast_atan2
 from moire_sensor.apart import ROW_FAST
 from moire_sensor.phase_planes import AMPLITUDE, OFFSET, PLANES, UNUSABLE, VARIANCE, finish_row
 from moire_sensor.phase_sums import ONE, ZERO, add_row, sum_windows
@@ -42,7 +42,7 @@ class FitWork(NamedTuple):
     constants: Float32
 
 
-@njit(**ROW_FAST)
+@njit(**FAST)
 def fit_work(carrier):  # type: ignore[no-untyped-def]
     """Empty rows for the fits of one band."""
     width = carrier.cos.shape[1]
@@ -52,7 +52,7 @@ def fit_work(carrier):  # type: ignore[no-untyped-def]
     return FitWork(columns, sums, fits, carrier.table[0].copy())
 
 
-@njit(**ROW_FAST)
+@njit(**FAST)
 def empty_planes(carrier, rows):  # type: ignore[no-untyped-def]
     """Planes (7, rows, W + 2 margin) without any fit; image row y has row y mod ``rows``.
 

@@ -108,6 +108,8 @@ def phase_band(image, carrier, choice, good, first, offset, background, amplitud
     step = max(carrier.half_height, 1)
     ahead = 2 * step + carrier.half_height
     work, planes = fit_work(carrier), empty_planes(carrier, 4 * step + 1)
+    key = np.empty(image.shape[1], dtype=np.float32)
+    number, starts = np.zeros((image.shape[1] + 7) // 8 * 8, dtype=np.uint8), np.empty(15, dtype=np.int64)
     start_columns(image, carrier, max(first - ahead, carrier.half_height), work)
     for y in range(first - ahead, last + ahead):
         fit_next(image, carrier, y, work, planes)
@@ -115,5 +117,5 @@ def phase_band(image, carrier, choice, good, first, offset, background, amplitud
         at = y - ahead
         if at >= first:
             pick_row(
-                image[at], planes, at, choice, good, offset[at], background[at], amplitude[at], sigma[at], status[at]
+                image[at], planes, at, choice, good, key, number, starts, offset[at], background[at], amplitude[at], sigma[at], status[at]
             )  # fmt: skip

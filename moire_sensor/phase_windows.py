@@ -37,21 +37,20 @@ class Choice(NamedTuple):
 
 
 @njit(**ROW_FAST)
-def pick_row(image, planes, y, choice, good, offset, background, amplitude, sigma, status):  # type: ignore[no-untyped-def]
+def pick_row(image, planes, y, choice, good, key, number, starts, offset, background, amplitude, sigma, status):  # type: ignore[no-untyped-def]
     """Fill one image row of offset, background, amplitude, sigma and status from the window that fits best.
 
     A window centred on the pixel whose variance is at most ``good`` needs no rival.
     """
     width = image.size
     first = (planes.shape[2] - width) // 2
-    number = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
     row = y % planes.shape[1]
     copy_row(planes[CARRIED, row][first:], offset)
     copy_row(planes[BACKGROUND, row][first:], background)
     copy_row(planes[AMPLITUDE, row][first:], amplitude)
     copy_row(planes[VARIANCE, row][first:], sigma)
-    best_numbers(planes[VARIANCE], y, first, choice, good, np.empty(width, dtype=np.float32), number)
-    take_shifted(planes, y, first, choice, number, offset, background, amplitude, sigma)
+    best_numbers(planes[VARIANCE], y, first, choice, good, key, number)
+    take_shifted(planes, y, first, choice, starts, number, offset, background, amplitude, sigma)
     judge(image, amplitude, sigma, choice.min_amplitude, choice.min_amplitude_to_noise, status)
     phase_noise(amplitude, choice.sigma_factor, sigma)
     known(offset, choice.step_rad, status)
@@ -101,12 +100,11 @@ def challenge(far_left, left, here, right, far_right, centre, first, key):  # ty
 
 
 @njit(**ROW_FAST)
-def take_shifted(planes, y, first, choice, number, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
+def take_shifted(planes, y, first, choice, starts, number, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
     """Where a shifted window is chosen, carry its phase to the pixel along its slopes."""
     flat = planes.reshape((planes.shape[0], planes.shape[1] * planes.shape[2]))
     carried, along, down = flat[CARRIED], flat[ALONG], flat[DOWN]
     backgrounds, amplitudes, variances = flat[BACKGROUND], flat[AMPLITUDE], flat[VARIANCE]
-    starts = np.empty(15, dtype=np.int64)
     for k in range(15):
         starts[k] = (y + choice.rows[k]) % planes.shape[1] * planes.shape[2] + choice.columns[k] + first
     eights = number.view(np.uint64)
