@@ -50,7 +50,7 @@ def list_chunks(rivals, chunks):  # type: ignore[no-untyped-def]
     for chunk in range(rivals.shape[0]):
         words = rivals[chunk]
         chunks[count] = chunk
-        count += np.int64((words[0] | words[1] | words[2] | words[3]) != 0)
+        count += 1 if (words[0] | words[1] | words[2] | words[3]) != 0 else 0
     return count
 
 
