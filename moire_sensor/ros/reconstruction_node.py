@@ -181,7 +181,7 @@ class ReconstructionNode(ManagedNode):
             result = reconstruct(job, self._cache)
             if results is not None:
                 results.publish(job.header, result.sensor, result.shot, job.output)
-            health.note_result(job.header, job.taken_s, result.facts())
+            health.note_result(job.header, job.taken_s, result.facts)
             health.note_alignment(lambda: alignment_facts(job, result, self._cache))
         except MoireError as error:
             health.refuse_for(error)
