@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import FAST
-from moire_sensor.apart import LEAF_FAST
+from moire_sensor.apart import FAST, LEAF_FAST
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_sums import add_scaled, by_four, grow, grow_four, steps_to
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from numba import get_num_threads, njit, prange
 
 from moire_sensor.angles import TWO_PI
-from moire_sensor.apart import LEAF
+from moire_sensor.apart import LEAF, UNCOUNTED
 from moire_sensor.order_grey import CHUNK, add_greys, join, list_chunks, prepare
 from moire_sensor.order_place import place
 from moire_sensor.order_range import OrderRange
@@ -137,7 +137,7 @@ def add_offset(carrier, offset, phase):  # type: ignore[no-untyped-def]
         phase[x] = carrier[x] + offset[x]
 
 
-@njit(_nrt=False)
+@njit(**UNCOUNTED)
 def among_rivals(  # type: ignore[no-untyped-def]
     columns, mismatches, px_per_part, rivals, words, greys, scale, pairs, last, chunks, costs
 ):

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import get_num_threads, njit, prange
 
+from moire_sensor.apart import UNCOUNTED
 from moire_sensor.order_step import ANEW, FIRST, MORE, NEVER, advance, rank, steps_between, take
 from moire_sensor.order_tiles import LANES, put_line, strips_of, tiles_for
 from moire_sensor.order_transpose import WORDS, transpose
@@ -136,7 +137,7 @@ def say_along_rows(  # type: ignore[no-untyped-def]
                 transpose(rises_out[worker, columns], room[worker], rises[strip, rows])
 
 
-@njit(_nrt=False)
+@njit(**UNCOUNTED)
 def along_rows(cost, across, width, states, lowest, jump, rises):  # type: ignore[no-untyped-def]
     """Fill ``rises`` (columns, labels, LANES) of one block; before the first column of each way none is cheap."""
     states[:] = NEVER
@@ -170,7 +171,7 @@ def choose_by_columns(  # type: ignore[no-untyped-def]
         )  # fmt: skip
 
 
-@njit(_nrt=False)
+@njit(**UNCOUNTED)
 def say_downwards(cost, down, states, lowest, jump, rises, count):  # type: ignore[no-untyped-def]
     """Add what the programme downwards says to ``rises`` (lines, labels, LANES)."""
     states[:] = NEVER
@@ -180,7 +181,7 @@ def say_downwards(cost, down, states, lowest, jump, rises, count):  # type: igno
         advance(cost[y], down[y], 1, jump, MORE, states[before], lowest[before], states[now], lowest[now], rises[y])
 
 
-@njit(_nrt=False)
+@njit(**UNCOUNTED)
 def choose_upwards(  # type: ignore[no-untyped-def]
     cost, rises, down, offset, rows, states, lowest, last, totals, ranked, jump, first, label, runner_up, margin
 ):

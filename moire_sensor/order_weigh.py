@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from moire_sensor.angles import TURNS_PER_RAD
-from moire_sensor.apart import LEAF
+from moire_sensor.apart import LEAF, UNCOUNTED
 
 PARTS = np.float32(65536.0)
 # Costs are whole numbers of 1/85, so that the largest, 3, fits into a byte.
@@ -70,7 +70,7 @@ def copy_seen(offset, seen):  # type: ignore[no-untyped-def]
     seen[0], seen[width + 1], seen[width + 2] = UNSEEN, UNSEEN, BLOCKED
 
 
-@njit(_nrt=False, error_model="numpy")
+@njit(**UNCOUNTED)
 def look_up(seen, nearest, found):  # type: ignore[no-untyped-def]
     """Fetch the right phases (4 n,) as words (n,) of four.
 

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.angles import FAST, fast_atan2
-from moire_sensor.apart import LEAF_FAST
+from moire_sensor.angles import fast_atan2
+from moire_sensor.apart import FAST, LEAF_FAST
 from moire_sensor.phase_planes import AMPLITUDE, OFFSET, PLANES, UNUSABLE, VARIANCE, finish_row
 from moire_sensor.phase_sums import ONE, ZERO, add_row, sum_windows
 
@@ -129,8 +129,9 @@ def fit_row(sums, cos, sin, constants, half_width, samples, fits, planes, y, sta
     width = cos.size
     count = width - 2 * half_width
     cos, sin = cos[half_width : width - half_width], sin[half_width : width - half_width]
-    ones, squares, in_cos, in_sin = sums[0][:width], sums[0][width:], sums[0][2 * width :], sums[0][3 * width :]
-    ramp_cos, ramp_sin = sums[1][2 * width :], sums[1][3 * width :]
+    ones, squares = sums[0][:count], sums[0][width : width + count]
+    in_cos, in_sin = sums[0][2 * width : 2 * width + count], sums[0][3 * width : 3 * width + count]
+    ramp_cos, ramp_sin = sums[1][2 * width : 2 * width + count], sums[1][3 * width : 3 * width + count]
     mean, real, imaginary, met = fits[0], fits[1], fits[2], fits[3]
     turn(in_cos, in_sin, cos, sin)
     turn(ramp_cos, ramp_sin, cos, sin)
@@ -139,7 +140,7 @@ def fit_row(sums, cos, sin, constants, half_width, samples, fits, planes, y, sta
     combine(constants[2], constants[4], constants[5], ones, in_cos, in_sin, imaginary)
     for x in range(count):
         squares[x] -= mean[x] * ones[x] + real[x] * in_cos[x] + imaginary[x] * in_sin[x]
-    meet_detuned(fits, ramp_cos, ramp_sin, constants[6], constants[7], met)
+    meet_detuned(mean, real, imaginary, ramp_cos, ramp_sin, constants[6], constants[7], met)
     share = ONE / np.float32(samples - 4)
     variance_without(squares, met, real, imaginary, constants[8], constants[9], share, planes[VARIANCE, y][start:])
     offsets(real, imaginary, cos, sin, planes[OFFSET, y][start:])
@@ -162,9 +163,8 @@ def combine(weight_1, weight_c, weight_s, ones, in_cos, in_sin, target):  # type
 
 
 @njit(**LEAF_FAST)
-def meet_detuned(fits, ramp_cos, ramp_sin, sin_ramp, sin_cos_ramp, met):  # type: ignore[no-untyped-def]
+def meet_detuned(mean, real, imaginary, ramp_cos, ramp_sin, sin_ramp, sin_cos_ramp, met):  # type: ignore[no-untyped-def]
     """Product of the residual with t (D cos theta - C sin theta), what a slightly other frequency would add."""
-    mean, real, imaginary = fits[0], fits[1], fits[2]
     for x in range(met.size):
         along_c = ramp_sin[x] - mean[x] * sin_ramp[x] - real[x] * sin_cos_ramp[x]
         met[x] = imaginary[x] * (ramp_cos[x] - imaginary[x] * sin_cos_ramp[x]) - real[x] * along_c

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import FAST
+from moire_sensor.apart import FAST
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_fit import CarrierRows, empty_planes, fit_next, fit_work, start_columns
 from moire_sensor.phase_image import PhaseImage

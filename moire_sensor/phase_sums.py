@@ -32,8 +32,8 @@ def sum_windows(columns, size, sums):  # type: ignore[no-untyped-def]
     """Sums over ``size`` columns from each on: ``sums[0]`` of all four, ``sums[1, 2 W:]`` of t I cos and t I sin.
 
     The four rows lie behind each other, so a window that leaves its row holds what nobody reads. A sum over 2 n columns
-    is S[x] + S[x + n], that of k times the k-th is T[x] + T[x + n] + n S[x + n]; an odd size adds one column. Two doublings
-    are one step where they can be.
+    is S[x] + S[x + n], that of k times the k-th is T[x] + T[x + n] + n S[x + n]; an odd size adds one column. Two
+    doublings are one step where they can be.
     """
     values = columns.reshape(columns.size)
     half = values.size // 2

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.angles import FAST, NAN_SAFE, wrap
-from moire_sensor.apart import LEAF_FAST
+from moire_sensor.angles import wrap
+from moire_sensor.apart import FAST, LEAF_FAST, NAN_SAFE
 from moire_sensor.phase_planes import ALONG, AMPLITUDE, BACKGROUND, CARRIED, DOWN, UNUSABLE, VARIANCE
 from moire_sensor.shot import Status
 
