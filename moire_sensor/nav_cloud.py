@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE
-from moire_sensor.apart import ROW
+from moire_sensor.apart import NAN_SAFE, ROW
 from moire_sensor.rig import StereoRig
 from moire_sensor.settings import check_ranges, setting
 from moire_sensor.shot import Shot
