@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from moire_sensor.edge_candidates import CandidateRays, Candidates, find_candidates, period_px
-from moire_sensor.edge_confirm import Near, Sides
 from moire_sensor.edge_cost import Rules, matching_rules
 from moire_sensor.edge_find import EdgeRows, bright_share, find_edges, room_for_edges
 from moire_sensor.edge_grid import Limits, on_left_grid
 from moire_sensor.edge_input import Image, check_image, check_numbers
-from moire_sensor.edge_match import EdgeMatch, match_edges, room_for_matches, room_for_work
+from moire_sensor.edge_match import EdgeMatch, Tables, match_edges, room_for_matches, room_for_work
 from moire_sensor.edge_points import EdgePoints, measure
-from moire_sensor.edge_programme import Work
 from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.edge_spread import spread_rows
 from moire_sensor.pattern import FringePattern
@@ -40,7 +38,7 @@ class EdgeRoom:
     right: EdgeRows
     candidates: Candidates
     match: EdgeMatch
-    work: tuple[Sides, Near, Work]
+    work: Tables
 
     @classmethod
     def of(cls, image_size: tuple[int, int], rays: CandidateRays, rules: Rules) -> EdgeRoom:

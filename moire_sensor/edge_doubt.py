@@ -20,14 +20,17 @@ def doubt_row(partner, right, left, cost, rules, shift):  # type: ignore[no-unty
     """Mark the runs of a row's matches, neighbours in both images, whose left edges confirm another run as closely.
 
     ``right``, ``left`` and ``cost`` are those of :class:`Near`; ``shift`` (E,) holds meanwhile how far in its row the
-    other right edge lies from the left one.
+    other right edge, the last one if there are more, lies from the left one.
     """
     shift[: partner.size] = NO_SHIFT
-    close = in_units(match_cost(np.float32(NEAR * rules.same_side_px), rules))
-    for near in range(left.size):
+    elsewhere, close = np.int64(0), in_units(match_cost(np.float32(NEAR * rules.same_side_px), rules))
+    for near in range(right.size):
         edge, other = np.int64(left[near]), np.int64(right[near])
-        if cost[near] <= close and partner[edge] != other:
-            shift[edge] = edge - other
+        fits = (cost[near] <= close) & (partner[edge] != other)
+        shift[edge] = min(shift[edge], edge - other) if fits else shift[edge]
+        elsewhere += np.int64(fits)
+    if elsewhere < rules.doubtful_share * LEAST_RUN:
+        return
     start = 0
     for i in range(1, partner.size + 1):
         if i == partner.size or partner[i - 1] < 0 or partner[i] != partner[i - 1] + 1:

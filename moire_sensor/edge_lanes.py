@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 
 LANES = 8
+# Rows that one vector of the processor takes at once.
+ABREAST = 8
 
 
 @njit(inline="always")
