@@ -11,6 +11,7 @@ from moire_sensor.edge_cost import Rules, matching_rules
 from moire_sensor.edge_find import EdgeRows, bright_share, find_edges, room_for_edges
 from moire_sensor.edge_grid import Limits, on_left_grid
 from moire_sensor.edge_input import Image, check_image, check_numbers
+from moire_sensor.edge_light import window_px
 from moire_sensor.edge_match import EdgeMatch, Tables, match_edges, room_for_matches, room_for_work
 from moire_sensor.edge_points import EdgePoints, measure
 from moire_sensor.edge_settings import EdgeSettings
@@ -81,8 +82,8 @@ class FringeEdges:
         self._rays = CandidateRays.build(projector, disparities, rig.image_size)
         self._rules = matching_rules(disparities, self._period_px, self.settings)
         scale, off_px = 255.0 / saturation_level, self.settings.same_side_periods * self._period_px
-        unlit_below = 2.0 * self.settings.min_amplitude / scale
-        self._limits = Limits(self._period_px, off_px, scale, saturation_level, unlit_below)
+        unlit_below, size = 2.0 * self.settings.min_amplitude / scale, window_px(self._period_px)
+        self._limits = Limits(self._period_px, off_px, scale, saturation_level, unlit_below, size)
 
     def measure(self, left: Image, right: Image, first_step: int = 0) -> EdgeShot:
         """Measure depth at the fringe edges of one exposure; see :func:`fringe_edges`."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from moire_sensor.apart import ROW
 from moire_sensor.edge_candidates import Candidates
 from moire_sensor.edge_cost import Rules, alike
 from moire_sensor.edge_find import EdgeRows
@@ -84,17 +85,24 @@ def follow_rows(rows, left, right, candidates, rules, follow_px, match):  # type
 
 
 @njit
-def drop_loners(partner, candidate, half_order, number, min_run):  # type: ignore[no-untyped-def]
+def drop_loners(partner, candidate, half_order, min_run, run):  # type: ignore[no-untyped-def]
     """Drop the correspondences of a row outside runs of ``min_run`` or more, which step by one edge in both images and
-    by one fringe edge on the projector."""
-    start = 0
-    for i in range(1, number + 1):
-        joined = i < number and partner[i - 1] >= 0 and partner[i] == partner[i - 1] + 1
-        if joined:
-            before, here = partner[i - 1], partner[i]
-            step = half_order[here] - half_order[before] + 2 * (candidate[i] - candidate[i - 1])
-            joined = abs(step) == 1
-        if not joined:
-            if i - start < min_run:
-                partner[start:i] = -1
-            start = i
+    by one fringe edge on the projector. ``run`` is memory, as many int32 as there are edges."""
+    mark_joined(partner[:-1], partner[1:], candidate, half_order, run[1:])
+    if partner.size > 0:
+        run[0] = 1
+    for i in range(1, partner.size):
+        run[i] = run[i - 1] + 1 if run[i] else 1
+    # From behind: the last of a run knows how long it is.
+    length, following = 0, 1
+    for i in range(partner.size - 1, -1, -1):
+        length, following = run[i] if following == 1 else length, run[i]
+        partner[i] = partner[i] if length >= min_run else -1
+
+
+@njit(**ROW)
+def mark_joined(before, here, candidate, half_order, joined):  # type: ignore[no-untyped-def]
+    """1 where the match of an edge goes on the one before, else 0."""
+    for i in range(here.size):
+        step = half_order[max(here[i], 0)] - half_order[max(before[i], 0)] + 2 * (candidate[i + 1] - candidate[i])
+        joined[i] = (before[i] >= 0) & (here[i] == before[i] + 1) & (abs(step) == 1)

@@ -152,7 +152,7 @@ def test_company_asks_for_neighbours_of_the_next_fringe_edge() -> None:
 
     def kept(min_run: int) -> list[bool]:
         partner = match.partner[0].copy()
-        drop_loners(partner, match.candidate[0], candidates.half_order[0], 5, min_run)
+        drop_loners(partner, match.candidate[0], candidates.half_order[0], min_run, np.empty(5, dtype=np.int32))
         return [bool(number >= 0) for number in partner]
 
     assert kept(1) == [True] * 5
