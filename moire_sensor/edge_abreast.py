@@ -18,14 +18,14 @@ NAN, ENDLESS_PX = np.float32(np.nan), np.float32(np.inf)
 
 
 class Abreast(NamedTuple):
-    """Edges of one image in some rows, one such block a lane: (lanes, E, rows); edges that a row lacks lie nowhere.
+    """Edges of one image in some rows, one such block a thread: (threads, E, rows); edges that a row lacks lie nowhere.
 
     Attributes
     ----------
     x_px : float32, NaN where there is no edge.
     side : int32, as in ``EdgeRows``.
     behind : int64, what an occlusion behind the edge adds to J if none follows: 0 behind the last.
-    least, most : (lanes, E) float32, ends of the columns of edges i in all rows.
+    least, most : (threads, E) float32, ends of the columns of edges i in all rows.
     """
 
     x_px: npt.NDArray[np.float32]
@@ -36,7 +36,7 @@ class Abreast(NamedTuple):
 
 
 class Band(NamedTuple):
-    """Left edges ``low`` to ``high`` that lie in the depth range of right edge j in any row, (lanes, E) int64.
+    """Left edges ``low`` to ``high`` that lie in the depth range of right edge j in any row, (threads, E) int64.
 
     ``cell`` + i is the place of (j, i) in the table of the programme; place 0 is none's.
     """
@@ -106,7 +106,7 @@ def find_band(n, m, left_least, left_most, right_least, right_most, rules, low, 
 
 
 def rows_abreast(shape: tuple[int, ...]) -> Abreast:
-    """Memory for edges (lanes, E) in as many rows as go abreast."""
+    """Memory for edges (threads, E) in as many rows as go abreast."""
     abreast = (*shape, ABREAST)
     return Abreast(
         np.empty(abreast, dtype=np.float32), np.empty(abreast, dtype=np.int32), np.empty(abreast, dtype=np.int64),

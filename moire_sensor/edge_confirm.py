@@ -18,13 +18,13 @@ NOWHERE = np.int32(-1)
 
 
 class Sides(NamedTuple):
-    """Left edges of a row, down edges and then up edges, one row a lane; E is the most edges of a row.
+    """Left edges of a row, down edges and then up edges, one row a thread; E is the most edges of a row.
 
     Attributes
     ----------
-    x_px, height : (lanes, 2 E) float32, as in ``EdgeRows``; behind the last edge of a side lies an endless column.
-    edge : (lanes, 2 E) int32, which left edge it is.
-    seen : (lanes, 2 C) int32, of each side and pixel, the place of the first edge that may be within reach; -1 where
+    x_px, height : (threads, 2 E) float32, as in ``EdgeRows``; behind the last edge of a side lies an endless column.
+    edge : (threads, 2 E) int32, which left edge it is.
+    seen : (threads, 2 C) int32, of each side and pixel, the place of the first edge that may be within reach; -1 where
         none is, and in the last place of a side.
     """
 
@@ -35,17 +35,17 @@ class Sides(NamedTuple):
 
 
 class Near(NamedTuple):
-    """Left edges near a candidate of their side; for N of them in each of the rows abreast, one such block a lane.
+    """Left edges near a candidate of their side; for N of them in each of the rows abreast, one such block a thread.
 
     Attributes
     ----------
-    spot : (lanes, E) int32, for candidates of one number, the place in ``Sides`` of an edge that may be near.
-    candidate, at : (lanes, rows, N) int32, candidate k of right edge j as k 2^12 + j, and place in ``Sides``.
-    right, number : (lanes, rows, N) int32, the right edge, and which of its candidates.
-    left : (lanes, rows, N) int32, the left edge.
-    away_px : (lanes, rows, N) float32, how far it lies from the candidate.
-    cost : (lanes, rows, N) int32, what their match adds to J, in units of a path; ``NO_MATCH`` if they do not.
-    found : (lanes, rows) int64, entries of each row.
+    spot : (threads, E) int32, for candidates of one number, the place in ``Sides`` of an edge that may be near.
+    candidate, at : (threads, rows, N) int32, candidate k of right edge j as k 2^12 + j, and place in ``Sides``.
+    right, number : (threads, rows, N) int32, the right edge, and which of its candidates.
+    left : (threads, rows, N) int32, the left edge.
+    away_px : (threads, rows, N) float32, how far it lies from the candidate.
+    cost : (threads, rows, N) int32, what their match adds to J, in units of a path; ``NO_MATCH`` if they do not.
+    found : (threads, rows) int64, entries of each row.
     """
 
     spot: npt.NDArray[np.int32]

@@ -42,6 +42,8 @@ class Rules(NamedTuple):
     lambda_mat: float
     lambda_off: float
     doubtful_share: float
+    rows: int
+    follow_px: float
 
 
 def matching_rules(disparity_range_px: tuple[float, float], period_px: float, settings: EdgeSettings) -> Rules:
@@ -54,6 +56,8 @@ def matching_rules(disparity_range_px: tuple[float, float], period_px: float, se
         settings.same_height,
         *costs,
         settings.doubtful_share,
+        int(settings.rows),
+        settings.follow_px,
     )
 
 

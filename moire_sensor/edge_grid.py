@@ -6,23 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
 from moire_sensor.apart import ROW
-from moire_sensor.edge_candidates import Candidates
 from moire_sensor.edge_doubt import DOUBTFUL
-from moire_sensor.edge_find import EdgeRows, Float32
-from moire_sensor.edge_lanes import LANES, lane_rows
-from moire_sensor.edge_light import fill_light, room_for_light, room_for_sums
-from moire_sensor.edge_match import EdgeMatch
+from moire_sensor.edge_light import fill_light
 from moire_sensor.edge_noise import Grey
-from moire_sensor.edge_place import BINS, place_lane
-from moire_sensor.rig import StereoRig
-from moire_sensor.shot import Shot, Status
+from moire_sensor.edge_place import BINS
+from moire_sensor.shot import Status
 
 UNLIT, SATURATED = np.uint8(Status.UNLIT), np.uint8(Status.SATURATED)
 OCCLUDED, AMBIGUOUS = np.uint8(Status.OCCLUDED), np.uint8(Status.AMBIGUOUS)
 HALF = np.float32(0.5)
+
+
+Float32 = npt.NDArray[np.float32]
 
 
 class Grid(NamedTuple):
@@ -55,6 +53,7 @@ class Limits(NamedTuple):
     saturated : grey level of a saturated pixel.
     unlit_below : least difference of grey levels within a fringe.
     window_px : odd number of columns next to a fringe.
+    min_run : shorter runs of matches are dropped.
     """
 
     period_px: float
@@ -63,32 +62,7 @@ class Limits(NamedTuple):
     saturated: float
     unlit_below: float
     window_px: int
-
-
-def on_left_grid(
-    left: EdgeRows,
-    right: EdgeRows,
-    candidates: Candidates,
-    match: EdgeMatch,
-    image: Grey,
-    limits: Limits,
-    rig: StereoRig,
-    step_rad: float,
-    min_run: int,
-) -> Shot:
-    """Put the depth of each correspondence, equation (9), on the left pixel nearest to it.
-
-    Those in runs of less than ``min_run`` are dropped, from ``match`` too.
-    """
-    grid = Grid.of(image)
-    lens = rig.fx_px * rig.baseline_m, rig.disparity_at_infinity_px
-    counts = np.zeros((LANES, BINS + 1), dtype=np.int64)
-    room = room_for_light(image, limits.window_px), room_for_sums(image.dtype, image.shape[1], limits.window_px)
-    fill_rows(
-        left, right, candidates, match, min_run, image, limits, lens, step_rad / (2.0 * np.pi), *room, grid, counts
-    )
-    typical_rad = 2.0 * np.pi / limits.period_px * limits.off_px * upper_quartile(counts)
-    return Shot(*grid, typical_mismatch_rad=typical_rad)
+    min_run: int
 
 
 @njit(cache=True)
@@ -103,25 +77,14 @@ def upper_quartile(counts):  # type: ignore[no-untyped-def]
     return np.nan
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def fill_rows(  # type: ignore[no-untyped-def]
-    left, right, candidates, match, min_run, image, limits, lens, step_turns, levels, sums, grid, counts
-):
-    """Fill the grid, and count mismatches, as shares of the largest, lane by lane."""
-    for index in prange(LANES):
-        lane = np.int64(index)
-        light_lane(left, match, image, limits, levels[lane], sums[lane], grid, lane)
-        place_lane(left, right, candidates, match, min_run, limits, lens, step_turns, grid, counts[lane], lane)
-
-
 @njit(error_model="numpy")
-def light_lane(left, match, image, limits, levels, sums, grid, lane):  # type: ignore[no-untyped-def]
-    """Fill the rows of a lane as they would be without any match."""
+def light_rows(left, match, image, begin, behind, limits, levels, sums, grid):  # type: ignore[no-untyped-def]
+    """Fill some rows as they would be without any match."""
     # Taken out of the tuples once: numba counts references each time.
     background, status, left_x, number, partner = grid.background, grid.status, left.x_px, left.number, match.partner
     scale, unlit_below = np.float32(limits.scale), np.int32(np.ceil(limits.unlit_below))
     saturated = np.int32(np.ceil(limits.saturated))
-    for y in range(*lane_rows(lane, image.shape[0])):
+    for y in range(begin, behind):
         contrast = fill_light(image[y], limits.window_px, scale, levels, sums, background[y])
         mark_unlit(contrast, unlit_below, status[y])
         mark_edges(left_x[y, : number[y]], partner[y], status[y])

@@ -15,6 +15,7 @@ from moire_sensor.edge_noise import Grey
 
 # Up to so many pixels of 8 bit their sum fits 16 bit.
 MOST_SHORT = 257
+GreyType = np.dtype[np.uint8] | np.dtype[np.uint16]
 Sums = npt.NDArray[np.uint16] | npt.NDArray[np.uint32]
 
 
@@ -23,15 +24,10 @@ def window_px(period_px: float) -> int:
     return 2 * round(0.5 * period_px) + 1
 
 
-def room_for_sums(dtype: np.dtype[np.uint8] | np.dtype[np.uint16], width: int, size: int) -> Sums:
-    """Memory of :func:`fill_light`, two rows a lane, for windows of ``size`` columns."""
+def room_for_light(dtype: GreyType, width: int, size: int) -> tuple[Grey, Sums]:
+    """Memory of :func:`fill_light` for windows of ``size`` columns: six rows a lane of grey levels, two of sums."""
     wide = np.uint16 if dtype == np.uint8 and size <= MOST_SHORT else np.uint32
-    return np.empty((LANES, 2, width + size), dtype=wide)
-
-
-def room_for_light(image: Grey, size: int) -> Grey:
-    """Memory of :func:`fill_light`, six rows a lane of the image's own numbers."""
-    return np.empty((LANES, 6, image.shape[1] + size), dtype=image.dtype)
+    return np.empty((LANES, 6, width + size), dtype=dtype), np.empty((LANES, 2, width + size), dtype=wide)
 
 
 @njit

@@ -14,29 +14,30 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import get_thread_id, njit, prange
 
 from moire_sensor.apart import ROW
 from moire_sensor.edge_abreast import fill, find_band, line_up
 from moire_sensor.edge_confirm import confirm, find_near, split_sides
 from moire_sensor.edge_cost import COST, EDGE_BITS, ENDLESS, MOST_EDGES, NO_MATCH, in_units, on_path
 from moire_sensor.edge_doubt import doubt_row
-from moire_sensor.edge_lanes import ABREAST, LANES
+from moire_sensor.edge_lanes import ABREAST, LANES, block_rows, lane_blocks
+from moire_sensor.edge_spread import follow_rows
 
 
 class Work(NamedTuple):
-    """Tables of the programme, one a lane in the first dimension; E is the most edges of a row.
+    """Tables of the programme, one a thread in the first dimension; E is the most edges of a row.
 
     Attributes
     ----------
-    path : (lanes, E, rows) int64, best path whose last match is that of i with the right edge at hand, or with the one
-        before.
-    skipped : (lanes, E, rows) int64, best path whose last match is that of i - 1 with a right edge before the last one.
-    state : (lanes, 4, rows) int64, of :func:`extend_paths`.
-    table : (lanes, E E + 1, rows) int32, of each match in the band what it adds to J, and once it is looked at the
+    path : (threads, E, rows) int64, best path whose last match is that of i with the right edge at hand, or with the
+        one before.
+    skipped : (threads, E, rows) int64, best path whose last match is that of i - 1 with a right edge before the last.
+    state : (threads, 4, rows) int64, of :func:`extend_paths`.
+    table : (threads, E E + 1, rows) int32, of each match in the band what it adds to J, and once it is looked at the
         place of the match before it on its best path.
-    least_px : (lanes, E) float32, of :func:`settle_row`.
-    shift : (lanes, E) int32, of :func:`doubt_row`.
+    least_px : (threads, E) float32, of :func:`settle_row`.
+    shift : (threads, E) int32, of :func:`doubt_row`.
     """
 
     path: npt.NDArray[np.int64]
@@ -47,60 +48,66 @@ class Work(NamedTuple):
     shift: npt.NDArray[np.int32]
 
 
-@njit(parallel=True, cache=True)
-def match_rows(  # type: ignore[no-untyped-def]
-    left, right, candidates, rules, every_row, sides, near, lefts, rights, band, work, partner, candidate
-):
-    """Match every ``every_row``-th row."""
-    # The middle rows of blocks of ``every_row`` rows.
-    middle = every_row // 2
-    solved = (left.x_px.shape[0] - middle + every_row - 1) // every_row
-    blocks = (solved + ABREAST - 1) // ABREAST
+@njit(parallel=True, cache=True, error_model="numpy")
+def match_rows(left, right, candidates, rules, sides, near, lefts, rights, band, work, match):  # type: ignore[no-untyped-def]
+    """Match all rows."""
+    height = left.x_px.shape[0]
     for index in prange(LANES):
-        lane = np.int64(index)
-        for block in range(lane * blocks // LANES, (lane + 1) * blocks // LANES):
-            rows = middle + np.arange(block * ABREAST, min((block + 1) * ABREAST, solved)) * every_row
-            m = lay_out(left, right, rules, rows, lefts, rights, band, work, lane)
-            confirm_rows(left, right, candidates, rules, rows, sides, near, band, work, lane)
-            solve_rows(left.number, right.number, m, rules, rows, lefts, rights, band, work, lane)
-            trace_back(work.state[lane, 3], band.cell[lane], work.table[lane], rows, partner)
-            settle_rows(left.number, rules, rows, near, work, lane, partner, candidate)
+        first, last = lane_blocks(index, height, rules.rows)
+        for block in range(first, last):
+            begin, behind = block_rows(block, height, rules.rows)
+            match_block(begin, behind, left, right, candidates, rules, sides, near, lefts, rights, band, work, match)
+
+
+@njit(error_model="numpy")
+def match_block(begin, behind, left, right, candidates, rules, sides, near, lefts, rights, band, work, match):  # type: ignore[no-untyped-def]
+    """Match a block of rows: every ``rules.rows``-th is solved, the others follow their neighbours."""
+    thread, rows = get_thread_id(), np.arange(begin + rules.rows // 2, behind, rules.rows)
+    if rules.rows > 1:
+        match.partner[begin:behind] = -1
+    m = lay_out(left, right, rules, rows, lefts, rights, band, work, thread)
+    confirm_rows(left, right, candidates.left_x_px, rules, rows, sides, near, band, work, thread)
+    solve_rows(left.number, right.number, m, rules, rows, lefts, rights, band, work, thread)
+    trace_back(work.state[thread, 3], band.cell[thread], work.table[thread], rows, match.partner)
+    settle_rows(left.number, rules, rows, near, work, thread, match.partner, match.candidate)
+    if rules.rows > 1:
+        follow_rows(rows, begin, behind, left, right, candidates, rules, match)
 
 
 @njit
-def lay_out(left, right, rules, rows, lefts, rights, band, work, lane):  # type: ignore[no-untyped-def]
+def lay_out(left, right, rules, rows, lefts, rights, band, work, thread):  # type: ignore[no-untyped-def]
     """Put some rows side by side, in a table in which all edges agree in their side alone; the most right edges."""
     lambda_oc, only_side = on_path(in_units(rules.lambda_oc)), in_units(rules.lambda_mat - rules.lambda_r)
     n = line_up(
         left.x_px, left.side, left.number, rows, lambda_oc,
-        lefts.x_px[lane], lefts.side[lane], lefts.behind[lane], lefts.least[lane], lefts.most[lane],
+        lefts.x_px[thread], lefts.side[thread], lefts.behind[thread], lefts.least[thread], lefts.most[thread],
     )  # fmt: skip
     m = line_up(
         right.x_px, right.side, right.number, rows, lambda_oc,
-        rights.x_px[lane], rights.side[lane], rights.behind[lane], rights.least[lane], rights.most[lane],
+        rights.x_px[thread], rights.side[thread], rights.behind[thread], rights.least[thread], rights.most[thread],
     )  # fmt: skip
     cells = find_band(
-        n, m, lefts.least[lane], lefts.most[lane], rights.least[lane], rights.most[lane], rules,
-        band.low[lane], band.high[lane], band.cell[lane],
+        n, m, lefts.least[thread], lefts.most[thread], rights.least[thread], rights.most[thread], rules,
+        band.low[thread], band.high[thread], band.cell[thread],
     )  # fmt: skip
-    fill(work.table[lane, :1], np.int32(0))
-    fill(work.table[lane, 1:cells], only_side)
-    fill(work.path[lane, :n], ENDLESS)
-    fill(work.skipped[lane, : n + 1], ENDLESS)
+    fill(work.table[thread, :1], np.int32(0))
+    fill(work.table[thread, 1:cells], only_side)
+    fill(work.path[thread, :n], ENDLESS)
+    fill(work.skipped[thread, : n + 1], ENDLESS)
     return m
 
 
 @njit
-def confirm_rows(left, right, columns, rules, rows, sides, near, band, work, lane):  # type: ignore[no-untyped-def]
+def confirm_rows(left, right, columns, rules, rows, sides, near, band, work, thread):  # type: ignore[no-untyped-def]
     """The same-side test: which left edges confirm candidates, and what their matches cost, which goes in the table."""
     # Taken out of the tuples once: numba counts references each time, which would cost more than all the rest.
-    x_px, height, edge, seen = sides.x_px[lane], sides.height[lane], sides.edge[lane], sides.seen[lane]
-    candidates, places, spot, found = near.candidate[lane], near.at[lane], near.spot[lane], near.found[lane]
-    owners, numbers, lefts, aways_px = near.right[lane], near.number[lane], near.left[lane], near.away_px[lane]
-    costs, low, high, cell, table = near.cost[lane], band.low[lane], band.high[lane], band.cell[lane], work.table[lane]
+    x_px, height, edge, seen = sides.x_px[thread], sides.height[thread], sides.edge[thread], sides.seen[thread]
+    candidates, places, spot, found = near.candidate[thread], near.at[thread], near.spot[thread], near.found[thread]
+    owners, numbers, lefts, aways_px = near.right[thread], near.number[thread], near.left[thread], near.away_px[thread]
+    costs, low, high, cell = near.cost[thread], band.low[thread], band.high[thread], band.cell[thread]
     left_x, left_side, left_height, left_number = left.x_px, left.side, left.height, left.number
     right_side, right_height, right_number = right.side, right.height, right.number
-    reach = np.float32(rules.same_side_px)
+    table, reach = work.table[thread], np.float32(rules.same_side_px)
     for r in range(rows.size):
         y = rows[r]
         candidate, at = candidates[r], places[r]
@@ -124,18 +131,18 @@ def add_costs(right, left, cost, found, low, high, cell, table, r):  # type: ign
 
 
 @njit
-def solve_rows(left_number, right_number, m, rules, rows, lefts, rights, band, work, lane):  # type: ignore[no-untyped-def]
+def solve_rows(left_number, right_number, m, rules, rows, lefts, rights, band, work, thread):  # type: ignore[no-untyped-def]
     """Run the programme over rows side by side; ``state[3]`` is then the last match of the best path of each."""
-    lambda_oc, state = on_path(in_units(rules.lambda_oc)), work.state[lane]
+    lambda_oc, state = on_path(in_units(rules.lambda_oc)), work.state[thread]
     state[3] = 0
     for r in range(rows.size):
         y = rows[r]
         state[3, r] = lambda_oc * (np.int64(left_number[y] > 0) + np.int64(right_number[y] > 0))
     take_steps(
-        m, lambda_oc, np.float32(rules.farthest), np.float32(rules.nearest), band.low[lane], band.high[lane],
-        band.cell[lane], lefts.x_px[lane], lefts.side[lane], lefts.behind[lane], rights.x_px[lane], rights.side[lane],
-        rights.behind[lane], work.path[lane], work.skipped[lane], state[0], state[1], state[2], state[3],
-        work.table[lane],
+        m, lambda_oc, np.float32(rules.farthest), np.float32(rules.nearest), band.low[thread], band.high[thread],
+        band.cell[thread], lefts.x_px[thread], lefts.side[thread], lefts.behind[thread], rights.x_px[thread],
+        rights.side[thread], rights.behind[thread], work.path[thread], work.skipped[thread], state[0], state[1], state[2], state[3],
+        work.table[thread],
     )  # fmt: skip
 
 
@@ -220,10 +227,11 @@ def trace_back(best, cell, table, rows, partner):  # type: ignore[no-untyped-def
 
 
 @njit
-def settle_rows(numbers, rules, rows, near, work, lane, partner, candidate):  # type: ignore[no-untyped-def]
+def settle_rows(numbers, rules, rows, near, work, thread, partner, candidate):  # type: ignore[no-untyped-def]
     """Keep the matches that are correspondences, with the nearest candidate, and mark the doubtful ones."""
-    rights, lefts, number, found = near.right[lane], near.left[lane], near.number[lane], near.found[lane]
-    costs, aways_px, least_px, shift = near.cost[lane], near.away_px[lane], work.least_px[lane], work.shift[lane]
+    rights, lefts, number, found = near.right[thread], near.left[thread], near.number[thread], near.found[thread]
+    costs, aways_px = near.cost[thread], near.away_px[thread]
+    least_px, shift = work.least_px[thread], work.shift[thread]
     for r in range(rows.size):
         y = rows[r]
         n, count = numbers[y], found[r]
