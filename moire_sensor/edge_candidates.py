@@ -10,7 +10,7 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.edge_find import EdgeRows, Float32
-from moire_sensor.edge_lanes import LANES, lane_rows
+from moire_sensor.edge_lanes import EXACT, LANES, lane_rows
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.reference_ray import phase_seen_rad
 
@@ -117,7 +117,7 @@ def intersect_rows(right, begin, behind, projector, ends, up_rad, step_rad, cand
             intersect_edges(x_px[y, :n], sides[y], y, first, k, projector, ends, up_rad, step_rad, left_x[y, k])
 
 
-@njit(error_model="numpy")
+@njit(**EXACT)
 def first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, half_order):  # type: ignore[no-untyped-def]
     """Least order of a projected edge that the ray of each edge of row y meets between the ends of its range."""
     for edge in range(x_px.size):
@@ -128,15 +128,16 @@ def first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, half_o
         half_order[edge] = np.int32(2.0 * first[edge]) - (edge_rad < 0.0)
 
 
-@njit(error_model="numpy")
+@njit(**EXACT)
 def intersect_edges(x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x):  # type: ignore[no-untyped-def]
     """Candidates of one number of row y: on the ray, the absolute phase is the edge's of order 0 and whole turns."""
+    least, most, last = ends
     for edge in range(x_px.size):
         x = np.float64(x_px[edge])
         phase = side[edge] * up_rad + TURN * (first[edge] + number)
         disparity = disparity_on_ray(projector, x, y, phase - step_rad)
         column = x + disparity
-        inside = (ends[0] <= disparity) & (disparity <= ends[1]) & (column >= 0.0) & (column <= ends[2])
+        inside = (least <= disparity) & (disparity <= most) & (column >= 0.0) & (column <= last)
         left_x[edge] = column if inside else np.nan
 
 
@@ -152,7 +153,7 @@ def phase_on_ray(projector, x, y, disparity):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy", inline="always")
 def disparity_on_ray(projector, x, y, phase):  # type: ignore[no-untyped-def]
     """Disparity at which right pixel (x, y) sees an absolute phase, equation (11): ``disparity_on_ray_px``."""
-    column = (phase - projector[9]) / projector[8]
+    column = (phase - projector[9]) * (1.0 / projector[8])
     per_disparity = column * (projector[7] + projector[5]) - (projector[3] + projector[1])
     above = projector[0] + projector[1] * x + projector[2] * y
     return (above - column * (projector[4] + projector[5] * x + projector[6] * y)) / per_disparity

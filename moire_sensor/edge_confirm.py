@@ -10,6 +10,7 @@ from numba import njit
 
 from moire_sensor.apart import ROW
 from moire_sensor.edge_cost import EDGE_BITS, MOST_EDGES, NO_MATCH, in_units, match_cost
+from moire_sensor.edge_lanes import EXACT
 
 # Widens the columns in which an edge is looked for: sums of float32 may round the wrong way.
 SLACK_PX = np.float32(0.01)
@@ -127,7 +128,7 @@ def look_up(columns, side, seen, spot):  # type: ignore[no-untyped-def]
         spot[j] = seen[np.uint32(np.int32(column) + (half if side[j] > 0 else np.int32(0)))]
 
 
-@njit(**ROW)
+@njit(**EXACT)
 def confirm(  # type: ignore[no-untyped-def]
     columns, right_height, rules, x_px, height, edge, candidate, at, right, number, left, away_px, cost
 ):

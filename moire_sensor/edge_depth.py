@@ -13,7 +13,7 @@ from moire_sensor.edge_find import EdgeRows, bright_share, find_edges, room_for_
 from moire_sensor.edge_grid import Grid, Limits, upper_quartile
 from moire_sensor.edge_input import Image, check_image, check_numbers
 from moire_sensor.edge_lanes import LANES
-from moire_sensor.edge_light import GreyType, Sums, room_for_light, window_px
+from moire_sensor.edge_light import Sums, room_for_light, window_px
 from moire_sensor.edge_match import EdgeMatch, Tables, room_for_matches, room_for_work
 from moire_sensor.edge_noise import Grey
 from moire_sensor.edge_place import BINS
@@ -49,7 +49,7 @@ class EdgeRoom:
 
     @classmethod
     def of(
-        cls, image_size: tuple[int, int], dtype: GreyType, rays: CandidateRays, rules: Rules, window_px: int
+        cls, image_size: tuple[int, int], dtype: npt.DTypeLike, rays: CandidateRays, rules: Rules, window_px: int
     ) -> EdgeRoom:
         """Memory for images (width, height) of a type."""
         left, right = (room_for_edges(image_size[::-1]) for _ in range(2))
@@ -89,7 +89,7 @@ class FringeEdges:
         disparities = (float(rig.disparity_px(farthest)), float(rig.disparity_px(nearest)))
         self._period_px = period_px(projector, *rig.image_size, 0.5 * sum(disparities))
         self._rays = CandidateRays.build(projector, disparities, rig.image_size)
-        self._rules = matching_rules(disparities, self._period_px, self.settings)
+        self.rules = matching_rules(disparities, self._period_px, self.settings)
         scale, off_px = 255.0 / saturation_level, self.settings.same_side_periods * self._period_px
         unlit_below, min_run = 2.0 * self.settings.min_amplitude / scale, int(self.settings.min_run)
         window = window_px(self._period_px)
@@ -111,7 +111,7 @@ class FringeEdges:
             check_image(name, image, self.rig)
         # In C order whatever came: the kernels compile anew for every other layout.
         left, right = np.require(left, requirements="C"), np.require(right, requirements="C")
-        key = ("edges", self.rig.image_size, self._rays.number, self._rules.same_side_px, left.dtype)
+        key = ("edges", self.rig.image_size, self._rays.number, self.rules.same_side_px, left.dtype)
         room = scratch(key, lambda: self.room(left.dtype))
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
         self.find((left, right), room)
@@ -129,7 +129,7 @@ class FringeEdges:
         up_rad = rays.up_rad(bright_share((room.left, room.right)))
         grid, counts = Grid.of(left), np.zeros((LANES, BINS + 1), dtype=np.int64)
         solve_image(
-            room.left, room.right, rays.projector, rays.ends, up_rad, step_rad, room.candidates, self._rules,
+            room.left, room.right, rays.projector, rays.ends, up_rad, step_rad, room.candidates, self.rules,
             *room.tables, room.match, left, self._limits, lens, step_rad / (2.0 * np.pi), room.levels, room.sums, grid,
             counts,
         )  # fmt: skip
@@ -138,7 +138,7 @@ class FringeEdges:
 
     def room(self, dtype: npt.DTypeLike) -> EdgeRoom:
         """Return work memory of its own, to be kept between ``find`` and ``solve``, for images of a type."""
-        return EdgeRoom.of(self.rig.image_size, np.dtype(dtype), self._rays, self._rules, self._limits.window_px)
+        return EdgeRoom.of(self.rig.image_size, dtype, self._rays, self.rules, self._limits.window_px)
 
 
 def fringe_edges(

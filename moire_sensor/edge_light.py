@@ -5,6 +5,8 @@ In whole numbers, as the camera gives them: twice or four times as many pixels g
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -15,7 +17,6 @@ from moire_sensor.edge_noise import Grey
 
 # Up to so many pixels of 8 bit their sum fits 16 bit.
 MOST_SHORT = 257
-GreyType = np.dtype[np.uint8] | np.dtype[np.uint16]
 Sums = npt.NDArray[np.uint16] | npt.NDArray[np.uint32]
 
 
@@ -24,10 +25,12 @@ def window_px(period_px: float) -> int:
     return 2 * round(0.5 * period_px) + 1
 
 
-def room_for_light(dtype: GreyType, width: int, size: int) -> tuple[Grey, Sums]:
+def room_for_light(dtype: npt.DTypeLike, width: int, size: int) -> tuple[Grey, Sums]:
     """Memory of :func:`fill_light` for windows of ``size`` columns: six rows a lane of grey levels, two of sums."""
-    wide = np.uint16 if dtype == np.uint8 and size <= MOST_SHORT else np.uint32
-    return np.empty((LANES, 6, width + size), dtype=dtype), np.empty((LANES, 2, width + size), dtype=wide)
+    levels: npt.NDArray[Any] = np.empty((LANES, 6, width + size), dtype=dtype)
+    wide = np.uint16 if levels.dtype == np.uint8 and size <= MOST_SHORT else np.uint32
+    sums: npt.NDArray[Any] = np.empty((LANES, 2, width + size), dtype=wide)
+    return levels, sums
 
 
 @njit

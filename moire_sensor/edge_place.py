@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from moire_sensor.apart import Apart
+from moire_sensor.edge_lanes import EXACT
 from moire_sensor.edge_points import depth_of, order_of, sigma_of
 from moire_sensor.edge_spread import drop_loners
 from moire_sensor.shot import UNKNOWN_ORDER, Status
@@ -31,7 +31,7 @@ def place_rows(left, right, candidates, match, begin, behind, limits, lens, step
     forget(depth, sigma, disparity, confidence, order, begin, behind)
     for y in range(begin, behind):
         partner = partners[y, : left_number[y]]
-        drop_loners(partner, numbers[y], half_orders[y], limits.min_run, whole[2])
+        drop_loners(partner, numbers[y], half_orders[y], limits.min_run, whole[2], whole[3])
         found = list_matches(partner, y, found, whole[0], whole[1])
     measure_points(
         whole[0, :found], whole[1], partners, numbers, left_x, right_x, left_sigma, right_sigma, columns, half_orders,
@@ -79,7 +79,7 @@ def list_matches(partner, y, found, row, edge):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(error_model="numpy", pipeline_class=Apart)
+@njit(**EXACT)
 def measure_points(  # type: ignore[no-untyped-def]
     row, edge, partner, number, left_x, right_x, left_sigma, right_sigma, columns, half_order, off_px, lens, step_turns,
     width, pixel, share, depth, sigma, disparity, confidence, order,

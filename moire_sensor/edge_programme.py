@@ -141,8 +141,8 @@ def solve_rows(left_number, right_number, m, rules, rows, lefts, rights, band, w
     take_steps(
         m, lambda_oc, np.float32(rules.farthest), np.float32(rules.nearest), band.low[thread], band.high[thread],
         band.cell[thread], lefts.x_px[thread], lefts.side[thread], lefts.behind[thread], rights.x_px[thread],
-        rights.side[thread], rights.behind[thread], work.path[thread], work.skipped[thread], state[0], state[1], state[2], state[3],
-        work.table[thread],
+        rights.side[thread], rights.behind[thread], work.path[thread], work.skipped[thread], state[0], state[1],
+        state[2], state[3], work.table[thread],
     )  # fmt: skip
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from moire_sensor.apart import ROW
 from moire_sensor.edge_cost import alike
+from moire_sensor.edge_lanes import EXACT
 
 
 @njit(inline="always")
@@ -71,24 +71,46 @@ def follow_rows(rows, begin, behind, left, right, candidates, rules, match):  # 
 
 
 @njit
-def drop_loners(partner, candidate, half_order, min_run, run):  # type: ignore[no-untyped-def]
+def drop_loners(partner, candidate, half_order, min_run, joined, kept):  # type: ignore[no-untyped-def]
     """Drop the correspondences of a row outside runs of ``min_run`` or more, which step by one edge in both images and
-    by one fringe edge on the projector. ``run`` is memory, as many int32 as there are edges."""
-    mark_joined(partner[:-1], partner[1:], candidate, half_order, run[1:])
-    length = 0
-    for i in range(np.uint64(partner.size)):
-        length = length + 1 if (i > 0) & (run[i] != 0) else 1
-        run[i] = length
-    # From behind: the last of a run knows how long it is.
-    following = 1
-    for i in range(partner.size - 1, -1, -1):
-        length, following = run[i] if following == 1 else length, run[i]
-        partner[i] = partner[i] if length >= min_run else np.int32(-1)
+    by one fringe edge on the projector. ``joined`` and ``kept`` are memory, (E,) int32 each."""
+    if min_run == 1:
+        return
+    n = partner.size
+    kept[:n] = 0
+    if n >= min_run:
+        mark_joined(partner[:-1], partner[1:], candidate, half_order, joined)
+        for length in range(2, min_run):
+            shorten(joined, n - length)
+        for step in range(min_run):
+            keep(joined[: n - min_run + 1], kept[step:])
+    drop(kept, partner)
 
 
-@njit(**ROW)
+@njit(**EXACT)
 def mark_joined(before, here, candidate, half_order, joined):  # type: ignore[no-untyped-def]
-    """1 where the match of an edge goes on the one before, else 0."""
+    """1 where the match of the next edge goes on that of an edge, else 0."""
     for i in range(here.size):
         step = half_order[max(here[i], 0)] - half_order[max(before[i], 0)] + 2 * (candidate[i + 1] - candidate[i])
         joined[i] = (before[i] >= 0) & (here[i] == before[i] + 1) & (abs(step) == 1)
+
+
+@njit
+def shorten(joined, size):  # type: ignore[no-untyped-def]
+    """Keep a 1 only where the next one is 1 too."""
+    for i in range(np.uint64(size)):
+        joined[i] &= joined[i + np.uint64(1)]
+
+
+@njit(**EXACT)
+def keep(joined, kept):  # type: ignore[no-untyped-def]
+    """Mark edges where the run does that starts so many before."""
+    for i in range(joined.size):
+        kept[i] |= joined[i]
+
+
+@njit(**EXACT)
+def drop(kept, partner):  # type: ignore[no-untyped-def]
+    """Drop the matches that are not kept."""
+    for i in range(partner.size):
+        partner[i] = partner[i] if kept[i] != 0 else np.int32(-1)
