@@ -33,19 +33,19 @@ DOCS_REQUIRES = ["mkdocs-material"]
 VIEWER_REQUIRES = ["viser>=1.1.1"]
 DATA_FOLDERS = ("config", "config/scenes", "launch", "rviz", "urdf")
 EXECUTABLES = [
-    "virtual_head = moire_sim.virtual_head_node:main",
-    "reconstruction = moire_sensor.ros.reconstruction_node:main",
-    "moire_demo = moire_sim.demo_node:main",
-    "capture_player = moire_sensor.ros.capture_player_node:main",
-    "record_bag = moire_sensor.ros.bag_recorder:main",
-    "reconstruct_bag = moire_sensor.ros.reconstruct_bag:main",
-    "moire_viewer = moire_sensor.ros.viewer_node:main",
+    "virtual_head = moire_commands.start:virtual_head",
+    "reconstruction = moire_commands.start:reconstruction",
+    "moire_demo = moire_commands.start:moire_demo",
+    "capture_player = moire_commands.start:capture_player",
+    "record_bag = moire_commands.start:record_bag",
+    "reconstruct_bag = moire_commands.start:reconstruct_bag",
+    "moire_viewer = moire_commands.start:moire_viewer",
 ]
 
 setup(
     name=PACKAGE,
     version="0.1.0",
-    packages=find_packages(include=["moire_sensor", "moire_sensor.*", "moire_sim", "moire_sim.*"]),
+    packages=find_packages(include=["moire_commands", "moire_sensor", "moire_sensor.*", "moire_sim", "moire_sim.*"]),
     package_data={"moire_sensor": ["py.typed"], "moire_sim": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -7,10 +7,6 @@ import numpy.typing as npt
 from numba import njit
 
 TWO_PI = np.float32(2.0 * np.pi)
-# Compiler options of kernels whose numbers are never NaN: every liberty with float32, no checks of divisors.
-FAST = {"fastmath": True, "error_model": "numpy"}
-# Liberties the compiler may take where NaN has a meaning: all of fastmath but the promise that there is none.
-NAN_SAFE = {"arcp", "contract", "nsz", "reassoc"}
 TURNS_PER_RAD = np.float32(0.5 / np.pi)
 PI = np.float32(np.pi)
 HALF_PI = np.float32(np.pi / 2.0)

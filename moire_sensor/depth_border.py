@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE
+from moire_sensor.apart import BARE, NAN_SAFE
 from moire_sensor.depth_offer import RIM_PX, fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import FAR, JUMP_PX, ROW_REACH_PX, Trust
-from moire_sensor.depth_window import BARE, small_difference
+from moire_sensor.depth_window import small_difference
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE
+from moire_sensor.apart import NAN_SAFE
 from moire_sensor.depth_refine import Match
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.settings import Settings

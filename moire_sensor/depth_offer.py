@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 
 from moire_sensor.angles import wrap
-from moire_sensor.depth_window import BARE, ROW_SPAN_PX, row_match, small_difference
+from moire_sensor.apart import BARE
+from moire_sensor.depth_window import ROW_SPAN_PX, row_match, small_difference
 from moire_sensor.projector_map import phase_of_disparity
 
 # Trusted pixels have no jump and no hole within so many pixels.

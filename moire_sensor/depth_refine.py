@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE
+from moire_sensor.apart import NAN_SAFE
 from moire_sensor.depth_refine_row import LISTS, refine_row
 from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32

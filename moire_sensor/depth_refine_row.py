@@ -72,24 +72,23 @@ def take_labelled(label, first, offset, sigma, carrier_rad, column, phase, noise
 def give_all(found, spread, apart, most, disparity, sigma, signed, mismatch):  # type: ignore[no-untyped-def]
     """Fill the results of a row, no disparity where the phases lie further apart than ``most``."""
     for x in range(found.size):
-        give(found, spread, apart, most, x, disparity, sigma, signed, mismatch, x)
+        close = abs(apart[x]) <= most
+        disparity[x] = found[x] if close else NAN
+        sigma[x] = spread[x] if close else NAN
+        signed[x] = apart[x]
+        mismatch[x] = abs(apart[x])
 
 
 @njit(**ROW)
 def give_listed(column, found, spread, apart, most, disparity, sigma, signed, mismatch):  # type: ignore[no-untyped-def]
     """Fill the results of the listed columns, as :func:`give_all`."""
     for n in range(column.size):
-        give(found, spread, apart, most, n, disparity, sigma, signed, mismatch, np.uint32(column[n]))
-
-
-@njit(inline="always")
-def give(found, spread, apart, most, n, disparity, sigma, signed, mismatch, x):  # type: ignore[no-untyped-def]
-    """Give pixel x what the lists hold at n."""
-    close = abs(apart[n]) <= most
-    disparity[x] = found[n] if close else NAN
-    sigma[x] = spread[n] if close else NAN
-    signed[x] = apart[n]
-    mismatch[x] = abs(apart[n])
+        x = np.uint32(column[n])
+        close = abs(apart[n]) <= most
+        disparity[x] = found[n] if close else NAN
+        sigma[x] = spread[n] if close else NAN
+        signed[x] = apart[n]
+        mismatch[x] = abs(apart[n])
 
 
 @njit(**ROW)

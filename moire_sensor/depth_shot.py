@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE
+from moire_sensor.apart import NAN_SAFE
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.rig import StereoRig
 from moire_sensor.shot import Status

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE
+from moire_sensor.apart import NAN_SAFE
 from moire_sensor.depth_offer import NO_CLAIM, RIM_PX
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.scratch import scratch

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.angles import NAN_SAFE, wrapped
+from moire_sensor.angles import wrapped
+from moire_sensor.apart import NAN_SAFE
 from moire_sensor.depth_refine import Match
 from moire_sensor.order_range import RANGE_MARGIN_PX, OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32

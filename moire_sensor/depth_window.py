@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-# Compiler options of helpers for single pixels: the count of references to their arrays, two locked steps each, would
-# cost more than what they compute. Sums keep their order: rows of ten pixels are slower in vectors.
-BARE = {"_nrt": False, "error_model": "numpy", "fastmath": {"arcp", "contract", "nsz"}}
+from moire_sensor.apart import BARE
+
 # A small window counts from so many of its fifteen pixels on.
 LEAST_SEEN = 8
 MOST_SEEN = np.float32(15.0)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from moire_sensor.apart import NAN_SAFE, ROW
 from moire_sensor.rig import StereoRig
 from moire_sensor.settings import check_ranges, setting
 from moire_sensor.shot import Shot
@@ -44,10 +45,11 @@ class NavSettings:
 
 def warm_up() -> None:
     """Load or compile the kernels of this module and of the voxels."""
-    points = np.ones((2, 4), dtype=np.float32)
-    supported(points)
-    distances(points[None])
-    voxel_means(points, points[:, 0], np.ones(2, dtype=np.bool_), 1.0, 0.0)
+    cloud = np.ones((RAY_BLOCK_PX, RAY_BLOCK_PX, 4), dtype=np.float32)
+    depth_m, confidence, trusted = cloud[..., 2].copy(), cloud[..., 3].copy(), np.ones(cloud.shape[:2], dtype=np.bool_)
+    weigh(cloud, supported(depth_m), confidence, np.ones(3, dtype=np.float32), depth_m, trusted)
+    ray_ends(cloud, trusted, NavSettings())
+    voxel_means(cloud.reshape(-1, 4), depth_m.reshape(-1), trusted.reshape(-1), 1.0, 0.0)
 
 
 def obstacle_cloud(rig: StereoRig, cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
@@ -60,12 +62,33 @@ def obstacle_cloud(rig: StereoRig, cloud: Cloud, shot: Shot, nav: NavSettings) -
     shot : the shot that the cloud is of.
     nav : thresholds.
     """
-    surface = np.flatnonzero((distances(cloud) <= nav.nav_max_range_m) & supported(shot.depth_m))
-    points = cloud.reshape(-1, cloud.shape[-1])[surface]
-    # What one pixel covers of a facing square of a voxel's size.
-    share = points[:, 2] ** 2 / (rig.fx_px * rig.fy_px * nav.nav_voxel_m**2)
-    trusted = shot.confidence.reshape(-1)[surface] >= nav.nav_min_confidence
-    return voxel_means(points, share, trusted, nav.nav_voxel_m, nav.nav_min_fill)
+    share, trusted = np.empty(cloud.shape[:2], dtype=np.float32), np.empty(cloud.shape[:2], dtype=np.bool_)
+    # Pixels that cover a facing square of a voxel's size 1 m away.
+    facing_px = rig.fx_px * rig.fy_px * nav.nav_voxel_m**2
+    limits = np.array([nav.nav_max_range_m, facing_px, nav.nav_min_confidence], dtype=np.float32)
+    weigh(cloud, supported(shot.depth_m), shot.confidence, limits, share, trusted)
+    points = cloud.reshape(-1, cloud.shape[-1])
+    return voxel_means(points, share.reshape(-1), trusted.reshape(-1), nav.nav_voxel_m, nav.nav_min_fill)
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, error_model="numpy", cache=True)
+def weigh(cloud, surface, confidence, limits, share, trusted):  # type: ignore[no-untyped-def]
+    """Fill what each pixel fills of its voxel, 0 where it shows no surface within range, and whether it is trusted."""
+    height, width = share.shape
+    farthest, facing, least = limits[0], limits[1], limits[2]
+    for y in prange(height):
+        for x in range(width):
+            within = surface[y, x] & (distance(cloud, y, x) <= farthest)
+            share[y, x] = cloud[y, x, 2] * cloud[y, x, 2] / facing if within else np.float32(0.0)
+            trusted[y, x] = confidence[y, x] >= least
+
+
+@njit(inline="always")
+def distance(cloud, y, x):  # type: ignore[no-untyped-def]
+    """Distance of a point of ``cloud`` (H, W, C) float32 from the camera."""
+    return np.sqrt(
+        cloud[y, x, 0] * cloud[y, x, 0] + cloud[y, x, 1] * cloud[y, x, 1] + cloud[y, x, 2] * cloud[y, x, 2]
+    )
 
 
 def clearing_cloud(cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
@@ -75,40 +98,35 @@ def clearing_cloud(cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
     it or at the range, if that is nearer. Pixels without a depth clear nothing: to the sensor, black things look like
     open space. The parameters are those of :func:`obstacle_cloud`.
     """
-    trusted = (shot.confidence >= nav.nav_min_confidence) & supported(shot.depth_m)
-    in_blocks = blocks(np.where(trusted, distances(cloud), np.float32(np.inf)))
-    nearest = in_blocks.argmin(axis=-1)
-    nearest_m = np.take_along_axis(in_blocks, nearest[..., None], axis=-1)[..., 0]
-    free_m = np.minimum(nearest_m - np.float32(nav.nav_voxel_m), np.float32(nav.nav_max_range_m))
-    known = 2 * np.isfinite(in_blocks).sum(axis=-1) > in_blocks.shape[-1]
-    row, column = np.nonzero(known)
-    within = np.divmod(nearest[known], RAY_BLOCK_PX)
-    ends = cloud[row * RAY_BLOCK_PX + within[0], column * RAY_BLOCK_PX + within[1]]
-    ends[:, :3] *= (free_m[known] / nearest_m[known])[:, None]
-    return np.asarray(ends[None], dtype=np.float32)
+    return ray_ends(cloud, (shot.confidence >= nav.nav_min_confidence) & supported(shot.depth_m), nav)
 
 
-def blocks(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return the pixels of each whole block of RAY_BLOCK_PX squared: (H, W) to (rows, columns, pixels)."""
-    side = RAY_BLOCK_PX
-    rows, columns = image.shape[0] // side, image.shape[1] // side
-    cut = image[: rows * side, : columns * side].reshape(rows, side, columns, side)
-    return np.ascontiguousarray(cut.swapaxes(1, 2)).reshape(rows, columns, side * side)
+def ray_ends(cloud: Cloud, trusted: Mask, nav: NavSettings) -> Cloud:
+    """Return (1, N, C): the end of the ray of each whole block with enough ``trusted`` (H, W) pixels."""
+    rows, columns = cloud.shape[0] // RAY_BLOCK_PX, cloud.shape[1] // RAY_BLOCK_PX
+    ends = np.empty((rows, columns, cloud.shape[2]), dtype=np.float32)
+    clears = np.empty((rows, columns), dtype=np.bool_)
+    find_ray_ends(cloud, trusted, np.float32(nav.nav_voxel_m), np.float32(nav.nav_max_range_m), ends, clears)
+    return np.asarray(ends[clears][None])
 
 
-def distances(cloud: Cloud) -> npt.NDArray[np.float32]:
-    """Return the distance of each point of a cloud (H, W, C) from the camera, (H, W) metres, NaN where unknown."""
-    distance_m = np.empty(cloud.shape[:2], dtype=np.float32)
-    find_distances(cloud, distance_m)
-    return distance_m
-
-
-@njit(parallel=True, cache=True)
-def find_distances(cloud, distance_m):  # type: ignore[no-untyped-def]
-    """Fill ``distance_m`` (H, W) float32 from x y z, the first channels of ``cloud`` (H, W, C) float32."""
-    for y in prange(cloud.shape[0]):
-        for x in range(cloud.shape[1]):
-            distance_m[y, x] = np.sqrt(cloud[y, x, 0] ** 2 + cloud[y, x, 1] ** 2 + cloud[y, x, 2] ** 2)
+@njit(parallel=True, error_model="numpy", cache=True)
+def find_ray_ends(cloud, trusted, before, farthest, ends, clears):  # type: ignore[no-untyped-def]
+    """Fill the end of each block's ray, ``before`` its nearest trusted point, and whether most of it is trusted."""
+    for row in prange(ends.shape[0]):
+        for column in range(ends.shape[1]):
+            nearest, at_y, at_x, count = np.float32(np.inf), 0, 0, 0
+            for y in range(row * RAY_BLOCK_PX, (row + 1) * RAY_BLOCK_PX):
+                for x in range(column * RAY_BLOCK_PX, (column + 1) * RAY_BLOCK_PX):
+                    away = distance(cloud, y, x)
+                    if trusted[y, x] and away < np.inf:
+                        count += 1
+                        if away < nearest:
+                            nearest, at_y, at_x = away, y, x
+            clears[row, column] = 2 * count > RAY_BLOCK_PX * RAY_BLOCK_PX
+            shorter = min(nearest - before, farthest) / nearest
+            for channel in range(ends.shape[2]):
+                ends[row, column, channel] = cloud[at_y, at_x, channel] * (shorter if channel < 3 else np.float32(1.0))
 
 
 def supported(depth_m: npt.NDArray[np.float32]) -> Mask:
@@ -117,27 +135,31 @@ def supported(depth_m: npt.NDArray[np.float32]) -> Mask:
     Of 2 REACH_PX neighbours, REACH_PX must be: a pixel at a straight edge or a right-angled corner has as many, one of
     a strip of flying pixels no wider than REACH_PX has not. Unknown pixels (NaN) are never supported.
     """
-    mask = np.zeros(depth_m.shape, dtype=np.bool_)
-    find_supported(np.ascontiguousarray(depth_m, dtype=np.float32), REACH_PX, mask)
+    mask = np.empty(depth_m.shape, dtype=np.bool_)
+    find_supported(np.ascontiguousarray(depth_m, dtype=np.float32), mask)
     return mask
 
 
 @njit(parallel=True, cache=True)
-def find_supported(depth, reach, mask):  # type: ignore[no-untyped-def]
-    """Fill ``mask`` (H, W) bool from ``depth`` (H, W) float32; a comparison with NaN is false, as it should be."""
+def find_supported(depth, mask):  # type: ignore[no-untyped-def]
+    """Fill ``mask`` (H, W) bool from ``depth`` (H, W) float32."""
     height, width = depth.shape
-    for y in prange(height):
+    for row in prange(height):
+        y = np.int64(row)
+        in_row, in_column = np.zeros(width, dtype=np.int32), np.zeros(width, dtype=np.int32)
+        for step in range(1, REACH_PX + 1):
+            add_alike(depth[y, step:], depth[y, : width - step], in_row[step:])
+            add_alike(depth[y, : width - step], depth[y, step:], in_row)
+            if y >= step:
+                add_alike(depth[y], depth[y - step], in_column)
+            if y + step < height:
+                add_alike(depth[y], depth[y + step], in_column)
         for x in range(width):
-            tolerance = np.float32(SAME_SURFACE) * depth[y, x]
-            in_row = 0
-            in_column = 0
-            for step in range(1, reach + 1):
-                if x >= step:
-                    in_row += abs(depth[y, x - step] - depth[y, x]) <= tolerance
-                if x + step < width:
-                    in_row += abs(depth[y, x + step] - depth[y, x]) <= tolerance
-                if y >= step:
-                    in_column += abs(depth[y - step, x] - depth[y, x]) <= tolerance
-                if y + step < height:
-                    in_column += abs(depth[y + step, x] - depth[y, x]) <= tolerance
-            mask[y, x] = in_row >= reach and in_column >= reach
+            mask[y, x] = (in_row[x] >= REACH_PX) & (in_column[x] >= REACH_PX)
+
+
+@njit(**ROW)
+def add_alike(depth, other, count):  # type: ignore[no-untyped-def]
+    """Count where ``other`` lies on the surface of ``depth``; a comparison with NaN is false, as it should be."""
+    for x in range(min(depth.size, other.size)):
+        count[x] += abs(other[x] - depth[x]) <= np.float32(SAME_SURFACE) * depth[x]

@@ -11,27 +11,19 @@ import numpy as np
 import numpy.typing as npt
 from numba import get_num_threads, njit, prange
 
-from moire_sensor.angles import NAN_SAFE, TURNS_PER_RAD, TWO_PI
-from moire_sensor.apart import ROW
+from moire_sensor.angles import TWO_PI
+from moire_sensor.apart import LEAF, UNCOUNTED
+from moire_sensor.order_grey import CHUNK, add_greys, join, list_chunks, prepare
 from moire_sensor.order_place import place
 from moire_sensor.order_range import OrderRange
+from moire_sensor.order_tiles import LANES, UInt8, put_line, strips_of
+from moire_sensor.order_weigh import ENTRIES, PARTS, UNMATCHED, Slopes, copy_seen, find_rivals, look_up, weigh
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
 
-# Costs are whole numbers of 1/85, so that the largest, 3, fits into a byte.
-UNITS = np.float32(85.0)
-# A mismatch of 90 degrees is as bad as any: orders that are off land 34 to 163 degrees away in the paper's rig.
-FULL_MISMATCH_RAD = np.float32(np.pi / 2.0)
-FLAT_COST = np.float32(0.15)
-# Phases alone do not tell orders apart that match this much worse than the best.
-RIVAL_RAD = np.float32(0.7)
-GREY_WEIGHT = np.float32(1.0)
-GREY_COST = np.float32(1.0)
-UNSEEN_COST = np.float32(0.6)
-BLOCKED_COST = np.float32(3.0)
-NO_RIVAL = np.float32(-1.0)
-UNMATCHED = np.float32(100.0)
+# Rows that differ by less than this, relative to the largest number, are one and the same.
+SAME = 1e-6
 
 
 class OrderCosts:
@@ -44,28 +36,36 @@ class OrderCosts:
     """
 
     def __init__(self, carriers: tuple[Carrier, Carrier], projector: ProjectorMap, orders: OrderRange) -> None:
-        width = carriers[0].phase_rad.shape[1]
-        workers = get_num_threads()
-        self._carriers = carriers
+        workers, strips = get_num_threads(), strips_of(carriers[0].phase_rad.shape[1])
+        width = LANES * strips
+        self._right_rad = carriers[1].phase_rad
+        self._left_rad = unique_rows(carriers[0].phase_rad)
+        self._px_per_part = padded(unique_rows(TWO_PI / PARTS / carriers[1].rad_per_px), width)
         self._map = projector.packed()
         self._first = orders.first
-        self._limits_px = orders.limits_px
-        self._row = np.zeros((workers, 8, width + 2), dtype=np.float32)
+        self._limits_px = np.array(orders.limits_px, dtype=np.float32)
+        self._columns = np.zeros((workers, orders.count, width), dtype=np.float32)
+        self._mismatches = np.full((workers, orders.count, width), UNMATCHED, dtype=np.int16)
+        self._rivals, self._costs = np.zeros((2, workers, orders.count, width), dtype=np.uint8)
+        self._floats = np.zeros((workers, 4, width), dtype=np.float32)
+        self._parts = np.zeros((workers, 4, width + ENTRIES), dtype=np.int16)
+        self._found = np.zeros((workers, width), dtype=np.int16)
         self._nearest = np.zeros((workers, width), dtype=np.int32)
-        self._matches = np.zeros((workers, 2, orders.count, width), dtype=np.float32)
+        self._pairs = np.zeros((workers, 2, width + 1), dtype=np.uint32)
+        self._chunks = np.zeros((workers, width // CHUNK + 1), dtype=np.int64)
 
     def fill(
         self,
         phases: tuple[PhaseImage, PhaseImage],
         greys: tuple[Float32, Float32],
         shading_rad: float,
-        cost: npt.NDArray[np.uint8],
+        cost: UInt8,
         rows: npt.NDArray[np.int64],
     ) -> None:
-        """Fill ``cost`` (>= n, labels, >= W) in units of 1/85.
+        """Fill ``cost`` (strips, >= n lines, labels, LANES), see :mod:`moire_sensor.order_tiles`, in units of 1/85.
 
         0 to 1 by the phases, up to 1 more where grey levels decide between orders; 0.6 where the right camera sees no
-        phase, 3 outside the depth range, 0 where the left phase is unknown.
+        phase, 3 outside the depth range; all the same where the left phase is unknown.
 
         Parameters
         ----------
@@ -73,145 +73,83 @@ class OrderCosts:
         shading_rad : mismatch up to which the cost hardly rises.
         rows : (n,) rows of the image whose costs are wanted.
         """
-        left, right = self._carriers
         fill_costs(
-            phases[0].offset_rad, phases[1].offset_rad, phases[0].amplitude, greys[0], greys[1], left.phase_rad,
-            right.phase_rad, right.rad_per_px, self._map, self._first, rows, self._limits_px,
-            np.float32(shading_rad), self._row, self._nearest, self._matches, cost,
+            phases[0].offset_rad, phases[1].offset_rad, phases[0].amplitude, greys[0], greys[1], self._left_rad,
+            self._right_rad, self._px_per_part, self._map, self._first, rows, self._limits_px,
+            Slopes.of(shading_rad), self._floats, self._parts, self._found, self._found.view(np.uint64), self._nearest,
+            self._pairs, self._chunks, self._columns, self._mismatches, self._rivals, self._rivals.view(np.uint64),
+            self._costs, cost,
         )  # fmt: skip
 
 
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def unique_rows(values: npt.NDArray[np.float32]) -> Float32:
+    """One row where all are the same, else all."""
+    same = np.ptp(values, axis=0).max() <= SAME * np.abs(values).max()
+    return np.ascontiguousarray(values[:1] if same else values, dtype=np.float32)
+
+
+def padded(values: Float32, width: int) -> Float32:
+    """Rows that go on with zeros."""
+    return np.ascontiguousarray(np.pad(values, ((0, 0), (0, width - values.shape[1]))))
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
 def fill_costs(  # type: ignore[no-untyped-def]
-    left, right, amplitude, left_i, right_i, left_rad, right_rad, rad_per_px, map_, first, rows, limits, flat,
-    lines, nearest, matches, cost,
+    left, right, amplitude, left_i, right_i, left_rad, right_rad, px_per_part, map_, first, rows, limits, slopes,
+    floats, parts, found, found_words, nearest, pairs, chunks, columns, mismatches, rivals, rival_words, costs, cost,
 ):  # fmt: skip
-    """Fill ``cost`` (n, labels, columns) of the rows, each worker with lines of its own."""
-    width = left.shape[1]
-    workers = nearest.shape[0]
+    """Fill ``cost`` of the rows, each worker with lines of its own."""
+    width, workers, labels = left.shape[1], floats.shape[0], columns.shape[1]
+    strips = cost.shape[0]
     for number in prange(workers):
         worker = np.int64(number)
-        phase, turns = lines[worker, 0, :width], lines[worker, 1, :width]
-        seen, bound, runner_up = lines[worker, 2], lines[worker, 3, :width], lines[worker, 4, :width]
-        scale, px_per_rad, beyond = lines[worker, 5, :width], lines[worker, 6, :width], lines[worker, 7, : width + 1]
-        columns, mismatches = matches[worker, 0], matches[worker, 1]
+        line, seen = floats[worker], parts[worker, 0, : width + ENTRIES]
+        part = parts[worker, 1, :width]
         for index in range(worker, rows.size, workers):
             y = rows[index]
-            for x in range(width):
-                phase[x] = left_rad[y, x] + left[y, x]
-            copy_turns(right[y], seen)
-            for label in range(cost.shape[1]):
-                column, mismatch, line = columns[label], mismatches[label], cost[index, label, :width]
-                place(phase, map_, y, first + label, right_rad[y], column, turns)
-                fill_nearest(column, nearest[worker])
-                subtract_seen(seen, nearest[worker], turns)
-                weigh(column, turns, limits, flat, mismatch, line)
-            find_rivals(mismatches, bound, runner_up)
-            fill_scales(amplitude[y], rad_per_px[y], right_i[y], scale, px_per_rad, beyond)
-            for label in range(cost.shape[1]):
-                match(columns[label], mismatches[label], px_per_rad)
-            add_greys(left_i[y], beyond, scale, columns, mismatches, bound, cost[index])
+            add_offset(left_rad[min(y, left_rad.shape[0] - 1)], left[y], line[0])
+            copy_seen(right[y], seen)
+            for label in range(labels):
+                column, mismatch = columns[worker, label, :width], mismatches[worker, label, :width]
+                place(
+                    line[0, :width], map_, y, first + label, right_rad[y], limits, column, nearest[worker, :width], part
+                )  # fmt: skip
+                look_up(seen.view(np.uint16), nearest[worker], found_words[worker])
+                weigh(found[worker, :width], part, slopes, mismatch, costs[worker, label])
+            find_rivals(
+                mismatches[worker], parts[worker, 2, : LANES * strips], parts[worker, 3, : LANES * strips],
+                rivals[worker],
+            )  # fmt: skip
+            prepare(left_i[y], right_i[y], amplitude[y], line[2], line[3], pairs[worker, 0])
+            join(pairs[worker, 0], pairs[worker, 0, 1:], pairs[worker, 1, :width])
+            among_rivals(
+                columns[worker], mismatches[worker], px_per_part[min(y, px_per_part.shape[0] - 1)], rivals[worker],
+                rival_words[worker], line[2], line[3], pairs[worker, 1], np.float32(width - 1), chunks[worker],
+                costs[worker],
+            )  # fmt: skip
+            put_line(costs[worker].reshape(labels, strips, LANES), cost[:, index])
 
 
-@njit(**ROW)
-def copy_turns(offset, seen):  # type: ignore[no-untyped-def]
-    """Right phases as turns between two NaN, which columns outside the image meet."""
-    seen[0] = np.float32(np.nan)
-    seen[seen.size - 1] = np.float32(np.nan)
-    inside = seen[1 : seen.size - 1]
-    for x in range(inside.size):
-        inside[x] = offset[x] * TURNS_PER_RAD
+@njit(**LEAF)
+def add_offset(carrier, offset, phase):  # type: ignore[no-untyped-def]
+    """Fill a row of absolute phases."""
+    for x in range(offset.size):
+        phase[x] = carrier[x] + offset[x]
 
 
-@njit(**ROW)
-def fill_nearest(column, nearest):  # type: ignore[no-untyped-def]
-    """Fill nearest right pixels, counted from 1; 0 and W + 1 lie outside. An unknown column counts as outside."""
-    beyond = np.float32(nearest.size)
-    for x in range(nearest.size):
-        at = column[x] if column[x] > np.float32(-1.0) else np.float32(-1.0)
-        at = at if at < beyond else beyond
-        nearest[x] = np.int32(at + np.float32(1.5))
-
-
-@njit(**ROW)
-def subtract_seen(seen, nearest, turns):  # type: ignore[no-untyped-def]
-    """Subtract the right phases: of the nearest pixel, since between the sides of an edge there is none."""
-    for x in range(turns.size):
-        turns[x] -= seen[np.uint32(nearest[x])]
-
-
-@njit(**ROW)
-def weigh(column, turns, limits, flat, mismatch, cost):  # type: ignore[no-untyped-def]
-    """Fill costs by phase, and mismatches in radians, UNMATCHED where no phase is seen or the depth out of range.
-
-    The cost is nearly flat up to the mismatch that shading can put into a phase, and 1 from a quarter turn on.
-    """
-    gentle = FLAT_COST / flat
-    steep = (np.float32(1.0) - FLAT_COST) / (FULL_MISMATCH_RAD - flat)
-    least, most = np.float32(limits[0]), np.float32(limits[1])
-    for index in range(cost.size):
-        excess = turns[index]
-        angle = TWO_PI * (excess - np.floor(excess + np.float32(0.5)))
-        size = abs(angle)
-        value = gentle * size if size < flat else FLAT_COST + steep * (size - flat)
-        seen = size == size
-        disparity = np.float32(np.int32(index)) - column[index]
-        inside = (disparity >= least) & (disparity <= most)
-        value = value if value < np.float32(1.0) else np.float32(1.0)
-        value = value if seen else UNSEEN_COST
-        value = value if inside else BLOCKED_COST
-        value = value if column[index] == column[index] else np.float32(0.0)
-        mismatch[index] = angle if seen & inside else UNMATCHED
-        cost[index] = np.uint8(np.int32(value * UNITS + np.float32(0.5)))
-
-
-@njit(**ROW)
-def find_rivals(mismatch, bound, runner_up):  # type: ignore[no-untyped-def]
-    """Fill the mismatch up to which orders rival the best of each pixel, NO_RIVAL where none does."""
-    bound[:] = UNMATCHED
-    runner_up[:] = UNMATCHED
-    for label in range(mismatch.shape[0]):
-        line = mismatch[label]
-        for x in range(line.size):
-            size = abs(line[x])
-            worse = size if size > bound[x] else bound[x]
-            bound[x] = size if size < bound[x] else bound[x]
-            runner_up[x] = worse if worse < runner_up[x] else runner_up[x]
-    for x in range(bound.size):
-        best = bound[x] if bound[x] < FULL_MISMATCH_RAD else FULL_MISMATCH_RAD
-        most = best + RIVAL_RAD
-        bound[x] = most if runner_up[x] < most else NO_RIVAL
-
-
-@njit(**ROW)
-def fill_scales(amplitude, rad_per_px, right, scale, px_per_rad, beyond):  # type: ignore[no-untyped-def]
-    """Fill cost per grey level and columns per mismatch of a row; copy right grey levels, the last one twice."""
-    for x in range(scale.size):
-        scale[x] = GREY_WEIGHT / (amplitude[x] if amplitude[x] > np.float32(1.0) else np.float32(1.0))
-        px_per_rad[x] = np.float32(1.0) / rad_per_px[x]
-        beyond[x] = right[x]
-    beyond[scale.size] = right[scale.size - 1]
-
-
-@njit(**ROW)
-def match(column, mismatch, px_per_rad):  # type: ignore[no-untyped-def]
-    """Move right columns to where the phases match, inside the image; the carrier's speed is taken at column x."""
-    last = np.float32(column.size - 1)
-    for x in range(column.size):
-        at = column[x] + mismatch[x] * px_per_rad[x]
-        at = at if at > np.float32(0.0) else np.float32(0.0)
-        column[x] = at if at < last else last
-
-
-@njit(**ROW)
-def add_greys(left, right, scale, matched, mismatch, bound, cost):  # type: ignore[no-untyped-def]
-    """Add to the costs of rivals how far grey levels differ where their phases match, in fringe amplitudes."""
-    for x in range(bound.size):
-        for label in range(mismatch.shape[0] if bound[x] > np.float32(0.0) else 0):
-            if abs(mismatch[label, x]) < bound[x]:
-                before = np.uint32(matched[label, x])
-                part = matched[label, x] - np.float32(before)
-                seen = right[before] + part * (right[before + 1] - right[before])
-                differ = scale[x] * abs(left[x] - seen)
-                differ = differ if differ < GREY_COST else GREY_COST
-                cost[label, x] = np.uint8(cost[label, x] + np.uint8(np.int32(differ * UNITS + np.float32(0.5))))
+@njit(**UNCOUNTED)
+def among_rivals(  # type: ignore[no-untyped-def]
+    columns, mismatches, px_per_part, rivals, words, greys, scale, pairs, last, chunks, costs
+):
+    """Add to the costs of rivals what grey levels tell."""
+    labels = columns.shape[0]
+    shape = columns.shape[1] // CHUNK, CHUNK
+    speed, greys, scale = px_per_part.reshape(shape), greys.reshape(shape), scale.reshape(shape)
+    for label in range(labels):
+        column, mismatch = columns[label].reshape(shape), mismatches[label].reshape(shape)
+        rival, cost = rivals[label].reshape(shape), costs[label].reshape(shape)
+        for number in range(list_chunks(words[label].reshape(shape[0], CHUNK // 8), chunks)):
+            at = chunks[number]
+            add_greys(
+                column[at], mismatch[at], speed[at], rival[at], greys[at], scale[at], pairs, last, cost[at]
+            )  # fmt: skip

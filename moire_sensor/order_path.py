@@ -8,6 +8,7 @@ pixel's order is also decided by the rows above and below, and no ordering is as
 
 with t the label step from the pixel to the one before on one surface. It is done for a whole line of pixels at once: a
 row for the programmes up and down; for those to the left and right a column, in blocks of rows that are transposed.
+What counts of a programme is how far it lets a state rise above its cost.
 """
 
 from __future__ import annotations
@@ -16,26 +17,14 @@ import numpy as np
 import numpy.typing as npt
 from numba import get_num_threads, njit, prange
 
-from moire_sensor.order_cost import UNITS
-from moire_sensor.order_step import (
-    ANEW,
-    NEVER,
-    NO_RANK,
-    add,
-    advance,
-    rank,
-    steps_between,
-    take_best,
-    take_second,
-)
-from moire_sensor.order_transpose import transpose_back, transpose_bytes
+from moire_sensor.apart import UNCOUNTED
+from moire_sensor.order_step import ANEW, FIRST, MORE, NEVER, advance, rank, steps_between, take
+from moire_sensor.order_tiles import LANES, put_line, strips_of, tiles_for
+from moire_sensor.order_transpose import WORDS, transpose
+from moire_sensor.order_weigh import UNITS
 from moire_sensor.phase_carrier import Float32
 
 Int8 = npt.NDArray[np.int8]
-UInt8 = npt.NDArray[np.uint8]
-# So large that a block stays in a core's cache, and a stripe's states in its fastest.
-BLOCK_ROWS = 64
-STRIPE_COLUMNS = 640
 
 
 class OrderPaths:
@@ -45,36 +34,34 @@ class OrderPaths:
     ----------
     rows, width : (n,) the rows of the image that the programmes see, and its width, pixels.
     labels : number of candidate orders, at most 127.
-    jump_cost : cost of leaving the surface, in units of a full mismatch.
+    jump_cost : cost of leaving the surface, in units of a full mismatch. No programme speaks more than one full
+        mismatch against an order; a jump beyond that only binds each programme by itself.
 
     Attributes
     ----------
     rows : as given.
-    cost : (lines, labels, columns) uint8, in 1/85, to be filled before :meth:`solve`. Larger than the rows seen by a
-        margin that the programmes need: fill ``cost[:n, :, :width]``.
+    cost : (strips, lines, labels, LANES) uint8 as :mod:`moire_sensor.order_tiles` lays them out, in 1/85, to be filled
+        before :meth:`solve`.
     """
 
     def __init__(self, rows: npt.NDArray[np.int64], width: int, labels: int, jump_cost: float) -> None:
-        height = rows.size
-        columns, lines = 8 * (width // 8 + 1), 8 * (height // 8 + 1)
-        lanes = min(BLOCK_ROWS, lines)
-        workers = get_num_threads()
+        height, strips, workers = rows.size, strips_of(width), get_num_threads()
+        columns = LANES * strips
         self.rows = rows
         self._jump = np.int16(round(float(UNITS) * jump_cost))
         # Between rows that each speak for several a jump weighs less against what they cost, as between rows of each.
         self._jump_down = np.int16(round(float(UNITS) * jump_cost / float(np.diff(rows).max(initial=1))))
-        self.cost = np.zeros((lines, labels, columns), dtype=np.uint8)
-        self._total = np.zeros((lines, labels, columns), dtype=np.int16)
-        self._down = np.full((lines, width), ANEW, dtype=np.int8)
-        self._across = np.full((lines, columns), ANEW, dtype=np.int8)
-        self._block_cost = np.zeros((workers, columns, labels, lanes), dtype=np.uint8)
-        self._block_across = np.zeros((workers, columns, lanes), dtype=np.int8)
-        self._block_total = np.full((workers, columns, labels + 3, lanes), NEVER, dtype=np.int16)
-        self._block_states = np.zeros((workers, 2, labels + 3, lanes), dtype=np.int16)
-        stripes = min(max(-(-width // STRIPE_COLUMNS), workers), width)
-        stripe = -(-width // stripes)
-        self._stripe_states = np.zeros((stripes, 2, labels + 3, stripe), dtype=np.int16)
-        self._stripe_ranks = np.zeros((stripes, 2, stripe), dtype=np.int32)
+        self.cost, self._rises = tiles_for(height, width, labels), tiles_for(height, width, labels)
+        self._down, self._across = (np.full_like(tiles_for(height, width, 1), ANEW).view(np.int8) for _ in range(2))
+        self._steps = np.full((workers, 1, strips, LANES), ANEW, dtype=np.int8)
+        self._block_cost, self._block_rises = np.zeros((2, workers, columns, labels, LANES), dtype=np.uint8)
+        self._block_across = np.zeros((workers, columns, 1, LANES), dtype=np.int8)
+        self._room = np.zeros((workers, WORDS, WORDS, WORDS), dtype=np.uint64)
+        self._states = np.zeros((max(workers, strips), 2, labels + 2, LANES), dtype=np.int16)
+        self._lowest = np.zeros((max(workers, strips), 2, LANES), dtype=np.int16)
+        self._last = np.zeros((strips, labels, LANES), dtype=np.uint8)
+        self._totals = np.zeros((strips, 2, LANES), dtype=np.int16)
+        self._ranked = np.zeros((strips, 2, LANES), dtype=np.int8)
         self._label, self._runner_up = np.zeros((2, height, width), dtype=np.int8)
         self._margin = np.zeros((height, width), dtype=np.float32)
 
@@ -91,109 +78,125 @@ class OrderPaths:
         (n, W) int8 labels, -1 where the phase is unknown; (n, W) int8, -1 also where there is one label only;
         (n, W) float32, 0 where the phase is unknown. The next call overwrites them.
         """
-        fill_steps(offset_rad, self.rows, self._across, self._down)
-        fill_row_paths(
-            self.cost.view(np.uint64), self._across.view(np.uint64), self._block_cost, self._block_cost.view(np.uint64),
-            self._block_across, self._block_across.view(np.uint64), self._block_total,
-            self._block_total.view(np.uint64), self._block_states, self._jump, self._total.view(np.uint64),
+        words = np.uint64
+        fill_steps(offset_rad, self.rows, self._steps, self._across, self._down)
+        say_along_rows(
+            self.cost.view(words), self._across.view(words), self._label.shape[1], self._block_cost,
+            self._block_cost.view(words), self._block_across, self._block_across.view(words), self._block_rises,
+            self._block_rises.view(words), self._room, self._states, self._lowest, self._jump, self._rises.view(words),
         )  # fmt: skip
         choose_by_columns(
-            self.cost, self._total, self._down, offset_rad, self.rows, self._stripe_states, self._stripe_ranks,
-            self._jump_down, self._label, self._runner_up, self._margin,
+            self.cost, self._rises, self._down, offset_rad, self.rows, self._states, self._lowest, self._last,
+            self._totals, self._ranked, self._jump_down, self._label, self._runner_up, self._margin,
         )  # fmt: skip
         return self._label, self._runner_up, self._margin
 
 
 @njit(parallel=True, cache=True)
-def fill_steps(offset, rows, across, down):  # type: ignore[no-untyped-def]
+def fill_steps(offset, rows, lines, across, down):  # type: ignore[no-untyped-def]
     """Fill the label steps from every pixel to its left and to its upper neighbour; the image's borders stay ANEW."""
-    for number in prange(rows.size):
-        line = np.int64(number)
-        here = offset[rows[line]]
-        steps_between(here[1:], here[:-1], across[line, 1 : here.size])
-        if line > 0:
-            steps_between(here, offset[rows[line - 1]], down[line])
+    workers, width = lines.shape[0], offset.shape[1]
+    for number in prange(workers):
+        worker = np.int64(number)
+        line = lines[worker]
+        steps = line.reshape(line.size)
+        for index in range(worker, rows.size, workers):
+            here = offset[rows[index]]
+            steps[0] = ANEW
+            steps_between(here[1:], here[:-1], steps[1:width])
+            put_line(line, across[:, index])
+            if index > 0:
+                steps_between(here, offset[rows[index - 1]], steps[:width])
+                put_line(line, down[:, index])
 
 
 @njit(parallel=True, cache=True)
-def fill_row_paths(  # type: ignore[no-untyped-def]
-    cost_words, across_words, cost, cost_in, across, across_in, total, total_words, states, jump, total_out
-):
-    """Fill ``total_out`` with the programmes to the right and left, a block of rows at a time.
+def say_along_rows(  # type: ignore[no-untyped-def]
+    cost, across, width, block_cost, cost_in, block_across, across_in, block_rises, rises_out, room, states, lowest,
+    jump, rises,
+):  # fmt: skip
+    """Fill ``rises`` with what the programmes to the right and left say, a block of LANES rows at a time.
 
-    The middle arguments hold one block for each worker: (workers, columns, labels, lanes), as numbers and as words.
+    The block's arrays hold one for each worker, (workers, columns, labels, LANES), as numbers and as words.
     """
-    rows, workers, lanes = total_out.shape[0], cost.shape[0], cost.shape[3]
+    workers = room.shape[0]
     for number in prange(workers):
         worker = np.int64(number)
-        for block in range(worker, (rows + lanes - 1) // lanes, workers):
-            first = min(block * lanes, rows - lanes)
-            transpose_bytes(across_words, first, across_in[worker])
-            for label in range(cost.shape[2]):
-                transpose_bytes(cost_words[:, label], first, cost_in[worker, :, label])
-            row_paths(cost[worker], across[worker], states[worker], jump, total[worker])
-            for label in range(cost.shape[2]):
-                transpose_back(total_words[worker, :, label + 1], total_out[:, label], first)
+        for block in range(worker, cost.shape[1] // LANES, workers):
+            rows = slice(block * LANES, (block + 1) * LANES)
+            for strip in range(cost.shape[0]):
+                columns = slice(strip * LANES, (strip + 1) * LANES)
+                transpose(across[strip, rows], room[worker], across_in[worker, columns])
+                transpose(cost[strip, rows], room[worker], cost_in[worker, columns])
+            along_rows(
+                block_cost[worker], block_across[worker, :, 0], width, states[worker], lowest[worker], jump,
+                block_rises[worker],
+            )  # fmt: skip
+            for strip in range(cost.shape[0]):
+                columns = slice(strip * LANES, (strip + 1) * LANES)
+                transpose(rises_out[worker, columns], room[worker], rises[strip, rows])
 
 
-@njit(cache=True)
-def row_paths(cost, across, states, jump, total):  # type: ignore[no-untyped-def]
-    """Fill ``total`` (columns, labels + 3, lanes) of one block, laid out as states; its last column is margin.
-
-    The programme to the right keeps its states there, beginning from the margin; that to the left adds its own.
-    """
-    columns, labels = cost.shape[:2]
-    for x in range(columns - 1):
-        advance(cost[x], across[x], 1, jump, total[x - 1], total[x])
+@njit(**UNCOUNTED)
+def along_rows(cost, across, width, states, lowest, jump, rises):  # type: ignore[no-untyped-def]
+    """Fill ``rises`` (columns, labels, LANES) of one block; before the first column of each way none is cheap."""
     states[:] = NEVER
-    for x in range(columns - 2, -1, -1):
-        state = states[x % 2]
-        advance(cost[x], across[x + 1], -1, jump, states[(x + 1) % 2], state)
-        for label in range(1, labels + 1):
-            add(state[label], total[x, label])
+    lowest[:] = NEVER
+    for x in range(width):
+        now, before = x % 2, (x + 1) % 2
+        advance(
+            cost[x], across[x], 1, jump, FIRST, states[before], lowest[before], states[now], lowest[now], rises[x]
+        )  # fmt: skip
+    states[:] = NEVER
+    lowest[:] = NEVER
+    for x in range(width - 1, -1, -1):
+        now, before = x % 2, (x + 1) % 2
+        advance(
+            cost[x], across[min(x + 1, width - 1)], -1, jump, MORE, states[before], lowest[before], states[now],
+            lowest[now], rises[x],
+        )  # fmt: skip
 
 
 @njit(parallel=True, cache=True)
 def choose_by_columns(  # type: ignore[no-untyped-def]
-    cost, total, down, offset, rows, states, ranks, jump, label, runner_up, margin
+    cost, rises, down, offset, rows, states, lowest, last, totals, ranked, jump, label, runner_up, margin
 ):
-    """Fill the results: the programmes downwards and upwards, a stripe of columns at a time, added to ``total``."""
-    width = label.shape[1]
-    for number in prange(states.shape[0]):
-        stripe = np.int64(number)
-        first = stripe * states.shape[3]
-        last = min(first + states.shape[3], width)
-        add_downwards(cost, total, down, states[stripe], jump, first, last)
+    """Fill the results, a strip of columns at a time: the programmes downwards and upwards, added to ``rises``."""
+    for number in prange(cost.shape[0]):
+        strip = np.int64(number)
+        say_downwards(cost[strip], down[strip, :, 0], states[strip], lowest[strip], jump, rises[strip], rows.size)
         choose_upwards(
-            cost, total, down, offset, rows, states[stripe], ranks[stripe], jump, first, last, label, runner_up,
-            margin,
+            cost[strip], rises[strip], down[strip, :, 0], offset, rows, states[strip], lowest[strip], last[strip],
+            totals[strip], ranked[strip], jump, strip * LANES, label, runner_up, margin,
         )  # fmt: skip
 
 
-@njit(cache=True)
-def add_downwards(cost, total, down, states, jump, first, last):  # type: ignore[no-untyped-def]
-    """Add the programme downwards to ``total``, columns first to last - 1."""
+@njit(**UNCOUNTED)
+def say_downwards(cost, down, states, lowest, jump, rises, count):  # type: ignore[no-untyped-def]
+    """Add what the programme downwards says to ``rises`` (lines, labels, LANES)."""
     states[:] = NEVER
-    for y in range(cost.shape[0] - 1):
-        state = states[y % 2]
-        advance(cost[y, :, first:last], down[y, first:last], 1, jump, states[(y + 1) % 2], state)
-        for label in range(cost.shape[1]):
-            add(state[label + 1], total[y, label, first:last])
+    lowest[:] = NEVER
+    for y in range(count):
+        now, before = y % 2, (y + 1) % 2
+        advance(cost[y], down[y], 1, jump, MORE, states[before], lowest[before], states[now], lowest[now], rises[y])
 
 
-@njit(cache=True)
+@njit(**UNCOUNTED)
 def choose_upwards(  # type: ignore[no-untyped-def]
-    cost, total, down, offset, rows, states, ranks, jump, first, last, label, runner_up, margin
+    cost, rises, down, offset, rows, states, lowest, last, totals, ranked, jump, first, label, runner_up, margin
 ):
-    """Finish ``total`` with the programme upwards, line by line, and choose; columns first to last - 1."""
+    """Finish with the programme upwards, line by line, and choose; columns from ``first`` on."""
     states[:] = NEVER
-    best, second = ranks[0, : last - first], ranks[1, : last - first]
-    for y in range(label.shape[0] - 1, -1, -1):
-        state = states[y % 2]
-        advance(cost[y, :, first:last], down[y + 1, first:last], -1, jump, states[(y + 1) % 2], state)
-        ranks[:] = NO_RANK
-        for candidate in range(cost.shape[1]):
-            rank(state[candidate + 1], total[y, candidate, first:last], np.int32(candidate), best, second)
-        known = offset[rows[y], first:last]
-        take_best(best, second, known, label[y, first:last], margin[y, first:last])
-        take_second(second, known, runner_up[y, first:last])
+    lowest[:] = NEVER
+    height, end = label.shape[0], min(first + LANES, label.shape[1])
+    for y in range(height - 1, -1, -1):
+        now, before = y % 2, (y + 1) % 2
+        advance(
+            cost[y], down[min(y + 1, height - 1)], -1, jump, FIRST, states[before], lowest[before], states[now],
+            lowest[now], last,
+        )  # fmt: skip
+        rank(cost[y], rises[y], last, totals[0], totals[1], ranked[0], ranked[1])
+        take(
+            totals[0], totals[1], ranked[0], ranked[1], offset[rows[y], first:end], label[y, first:end],
+            runner_up[y, first:end], margin[y, first:end],
+        )  # fmt: skip

@@ -23,6 +23,7 @@ class Carrier:
     ----------
     phase_rad : (H, W) float32, absolute carrier phase.
     cos, sin : (H, W) float32 of it.
+    rows : (2, 1 or H, W) float32, cos and sin: of one row where all are the same.
     rad_per_px : (H, W) float32, its derivative along the row.
     table : constants of the windows' fits.
     half_width_px, half_height_px : the window holds 2 n + 1 columns and rows.
@@ -31,6 +32,7 @@ class Carrier:
     phase_rad: Float32
     cos: Float32
     sin: Float32
+    rows: Float32
     rad_per_px: Float32
     table: FitTable
     half_width_px: int
@@ -55,10 +57,12 @@ class Carrier:
         rad_per_px = np.gradient(phase, axis=1)
         half_width = half_period_px(rad_per_px)
         ripple = ripple_factor(float(np.median(np.abs(rad_per_px))), half_width)
+        unlike = phase[:1] if (phase == phase[:1]).all() else phase
         return cls(
             phase_rad=as_float32(phase),
             cos=as_float32(np.cos(phase)),
             sin=as_float32(np.sin(phase)),
+            rows=as_float32(np.stack([np.cos(unlike), np.sin(unlike)])),
             rad_per_px=as_float32(rad_per_px),
             table=FitTable.build(phase, rad_per_px, half_width, half_height_px, ripple),
             half_width_px=half_width,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import FAST, NAN_SAFE, fast_atan2, wrap
+from moire_sensor.angles import fast_atan2, wrap
+from moire_sensor.apart import FAST, NAN_SAFE
 from moire_sensor.phase_windows import DARK, FULL, NAN, OK, SATURATED, TINY
 from moire_sensor.shot import Status
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from numba import njit
 
 from moire_sensor.angles import fast_atan2
-from moire_sensor.apart import ROW_FAST
+from moire_sensor.apart import FAST, LEAF_FAST
 from moire_sensor.phase_planes import AMPLITUDE, OFFSET, PLANES, UNUSABLE, VARIANCE, finish_row
 from moire_sensor.phase_sums import ONE, ZERO, add_row, sum_windows
 
@@ -23,7 +23,7 @@ Float32 = npt.NDArray[np.float32]
 
 
 class CarrierRows(NamedTuple):
-    """What the kernels read of a carrier; see :class:`moire_sensor.phase_carrier.Carrier`."""
+    """What the kernels read of a carrier; see :class:`moire_sensor.phase_carrier.Carrier`, one row or all."""
 
     cos: Float32
     sin: Float32
@@ -42,7 +42,7 @@ class FitWork(NamedTuple):
     constants: Float32
 
 
-@njit(**ROW_FAST)
+@njit(**FAST)
 def fit_work(carrier):  # type: ignore[no-untyped-def]
     """Empty rows for the fits of one band."""
     width = carrier.cos.shape[1]
@@ -52,7 +52,7 @@ def fit_work(carrier):  # type: ignore[no-untyped-def]
     return FitWork(columns, sums, fits, carrier.table[0].copy())
 
 
-@njit(**ROW_FAST)
+@njit(**FAST)
 def empty_planes(carrier, rows):  # type: ignore[no-untyped-def]
     """Planes (7, rows, W + 2 margin) without any fit; image row y has row y mod ``rows``.
 
@@ -64,21 +64,33 @@ def empty_planes(carrier, rows):  # type: ignore[no-untyped-def]
     return planes
 
 
-@njit(**ROW_FAST)
+@njit(inline="always")
+def cos_of(carrier, y):  # type: ignore[no-untyped-def]
+    """Row of the carrier's cosine."""
+    return carrier.cos[min(y, carrier.cos.shape[0] - 1)]
+
+
+@njit(inline="always")
+def sin_of(carrier, y):  # type: ignore[no-untyped-def]
+    """Row of the carrier's sine."""
+    return carrier.sin[min(y, carrier.sin.shape[0] - 1)]
+
+
+@njit(**LEAF_FAST)
 def margin(half_width):  # type: ignore[no-untyped-def]
     """Columns that a plane has left and right of the image: half a window, made even."""
     return 2 * ((half_width + 1) // 2)
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def start_columns(image, carrier, y, work):  # type: ignore[no-untyped-def]
     """Sums down the columns, ready for the windows centred on row y."""
     work.columns[:] = ZERO
     for row in range(y - carrier.half_height, min(y + carrier.half_height, image.shape[0])):
-        add_row(work.columns, image[row], carrier.cos[row], carrier.sin[row], ONE)
+        add_row(work.columns, image[row], cos_of(carrier, row), sin_of(carrier, row), ONE)
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
     """Fit the windows centred on row y, the one after the last, or the one that the columns were started for."""
     rows = planes.shape[1]
@@ -89,17 +101,17 @@ def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
     below, above = y + carrier.half_height, y - carrier.half_height
     samples = (2 * carrier.half_width + 1) * (2 * carrier.half_height + 1)
     start = margin(carrier.half_width) + carrier.half_width
-    add_row(work.columns, image[below], carrier.cos[below], carrier.sin[below], ONE)
+    add_row(work.columns, image[below], cos_of(carrier, below), sin_of(carrier, below), ONE)
     sum_windows(work.columns, 2 * carrier.half_width + 1, work.sums)
     if carrier.table_rows.size > 1:
         between_rows(carrier.table_rows, carrier.table, y, work.constants)
-    cos, sin = carrier.cos[y], carrier.sin[y]
+    cos, sin = cos_of(carrier, y), sin_of(carrier, y)
     fit_row(work.sums, cos, sin, work.constants, carrier.half_width, samples, work.fits, planes, y % rows, start)
     finish_row(work.constants, carrier.half_width, samples, work.fits, planes, y % rows, start)
-    add_row(work.columns, image[above], carrier.cos[above], carrier.sin[above], -ONE)
+    add_row(work.columns, image[above], cos_of(carrier, above), sin_of(carrier, above), -ONE)
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def between_rows(table_rows, table, y, constants):  # type: ignore[no-untyped-def]
     """Constants of row y, linear between two rows of the table."""
     step = table_rows[1] - table_rows[0]
@@ -111,14 +123,15 @@ def between_rows(table_rows, table, y, constants):  # type: ignore[no-untyped-de
             between[x] = above[x] + part * (below[x] - above[x])
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def fit_row(sums, cos, sin, constants, half_width, samples, fits, planes, y, start):  # type: ignore[no-untyped-def]
     """Fit every window of a row: its mean, C and D into ``fits``, offset and residual variance into the planes."""
     width = cos.size
     count = width - 2 * half_width
     cos, sin = cos[half_width : width - half_width], sin[half_width : width - half_width]
-    ones, squares, in_cos, in_sin = sums[0][:width], sums[0][width:], sums[0][2 * width :], sums[0][3 * width :]
-    ramp_cos, ramp_sin = sums[1][2 * width :], sums[1][3 * width :]
+    ones, squares = sums[0][:count], sums[0][width : width + count]
+    in_cos, in_sin = sums[0][2 * width : 2 * width + count], sums[0][3 * width : 3 * width + count]
+    ramp_cos, ramp_sin = sums[1][2 * width : 2 * width + count], sums[1][3 * width : 3 * width + count]
     mean, real, imaginary, met = fits[0], fits[1], fits[2], fits[3]
     turn(in_cos, in_sin, cos, sin)
     turn(ramp_cos, ramp_sin, cos, sin)
@@ -127,13 +140,13 @@ def fit_row(sums, cos, sin, constants, half_width, samples, fits, planes, y, sta
     combine(constants[2], constants[4], constants[5], ones, in_cos, in_sin, imaginary)
     for x in range(count):
         squares[x] -= mean[x] * ones[x] + real[x] * in_cos[x] + imaginary[x] * in_sin[x]
-    meet_detuned(fits, ramp_cos, ramp_sin, constants[6], constants[7], met)
+    meet_detuned(mean, real, imaginary, ramp_cos, ramp_sin, constants[6], constants[7], met)
     share = ONE / np.float32(samples - 4)
     variance_without(squares, met, real, imaginary, constants[8], constants[9], share, planes[VARIANCE, y][start:])
     offsets(real, imaginary, cos, sin, planes[OFFSET, y][start:])
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def turn(first, second, cos, sin):  # type: ignore[no-untyped-def]
     """Sums with cos, sin of the carrier become sums with cos, sin of theta."""
     for x in range(cos.size):
@@ -142,23 +155,22 @@ def turn(first, second, cos, sin):  # type: ignore[no-untyped-def]
         first[x] = turned
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def combine(weight_1, weight_c, weight_s, ones, in_cos, in_sin, target):  # type: ignore[no-untyped-def]
     """One row of the inverse normal matrix times the sums."""
     for x in range(target.size):
         target[x] = weight_1[x] * ones[x] + weight_c[x] * in_cos[x] + weight_s[x] * in_sin[x]
 
 
-@njit(**ROW_FAST)
-def meet_detuned(fits, ramp_cos, ramp_sin, sin_ramp, sin_cos_ramp, met):  # type: ignore[no-untyped-def]
+@njit(**LEAF_FAST)
+def meet_detuned(mean, real, imaginary, ramp_cos, ramp_sin, sin_ramp, sin_cos_ramp, met):  # type: ignore[no-untyped-def]
     """Product of the residual with t (D cos theta - C sin theta), what a slightly other frequency would add."""
-    mean, real, imaginary = fits[0], fits[1], fits[2]
     for x in range(met.size):
         along_c = ramp_sin[x] - mean[x] * sin_ramp[x] - real[x] * sin_cos_ramp[x]
         met[x] = imaginary[x] * (ramp_cos[x] - imaginary[x] * sin_cos_ramp[x]) - real[x] * along_c
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def variance_without(squares, met, real, imaginary, free_cos, free_sin, share, variance):  # type: ignore[no-untyped-def]
     """Variance of the residual less what a slightly other frequency explains of it."""
     for x in range(met.size):
@@ -166,7 +178,7 @@ def variance_without(squares, met, real, imaginary, free_cos, free_sin, share, v
         variance[x] = max(squares[x] - met[x] * met[x] / max(free, ONE), ZERO) * share
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def offsets(real, imaginary, cos, sin, offset):  # type: ignore[no-untyped-def]
     """Phase of the fit at the centre, angle of C - i D, less that of the carrier."""
     for x in range(cos.size):

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from moire_sensor.angles import wrap
-from moire_sensor.apart import ROW_FAST
+from moire_sensor.apart import LEAF_FAST
 from moire_sensor.phase_sums import MIDDLE, ONE, ZERO
 
 UNUSABLE = np.float32(1e30)
@@ -18,7 +18,7 @@ TWO = np.float32(2.0)
 OFFSET, CARRIED, BACKGROUND, AMPLITUDE, VARIANCE, ALONG, DOWN, PLANES = range(8)
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def finish_row(constants, half_width, samples, fits, planes, y, start):  # type: ignore[no-untyped-def]
     """Mean, amplitude, slope along the row, and the offset without ripple and curvature, into the planes."""
     mean, real, imaginary, bend, bias = fits[0], fits[1], fits[2], fits[3], fits[4]
@@ -41,7 +41,7 @@ def finish_row(constants, half_width, samples, fits, planes, y, start):  # type:
     without_bias(smooth, bias, variance[start:end], amplitude, noise_share, planes[CARRIED, y][start:end])
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def shapes(real, imaginary, ripple, amplitude, bend):  # type: ignore[no-untyped-def]
     """Amplitude, and the phase that one radian per pixel of slope adds: -ripple sin(2 phase) = ripple 2 C D / b^2."""
     for x in range(bend.size):
@@ -50,7 +50,7 @@ def shapes(real, imaginary, ripple, amplitude, bend):  # type: ignore[no-untyped
         bend[x] = ripple[x] * TWO * real[x] * imaginary[x] / max(square, np.float32(1e-9))
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def row_slopes(offset, variance, start, quarter, along):  # type: ignore[no-untyped-def]
     """Slope of the offset along a padded row, over half a period, where the ripple of a detuned fit cancels."""
     far, near = start - 2 * quarter, start - quarter
@@ -62,7 +62,7 @@ def row_slopes(offset, variance, start, quarter, along):  # type: ignore[no-unty
     )  # fmt: skip
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def slope_down(planes, y, step):  # type: ignore[no-untyped-def]
     """Fill row y of the plane DOWN, derivative of the offset along y, from windows one and two steps away."""
     offset, variance, rows = planes[OFFSET], planes[VARIANCE], planes.shape[1]
@@ -75,7 +75,7 @@ def slope_down(planes, y, step):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def slopes(before2, before, here, after, after2, var_b2, var_b, var_h, var_a, var_a2, per_px, slope):  # type: ignore[no-untyped-def]
     """Phase per pixel from the pair of windows whose worse fit is best, around, before or after; 0 if none fits."""
     for x in range(slope.size):
@@ -90,7 +90,7 @@ def slopes(before2, before, here, after, after2, var_b2, var_b, var_h, var_a, va
         slope[x] = along if best <= np.float32(4.0) * var_h[x] + np.float32(4.0) else ZERO
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def row_bias(smooth, variance, half_width, share, bias):  # type: ignore[no-untyped-def]
     """Bias that curvature gives a mean over the window, 0 where it cannot be told.
 
@@ -105,7 +105,7 @@ def row_bias(smooth, variance, half_width, share, bias):  # type: ignore[no-unty
     )  # fmt: skip
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def curvatures(before, here, after, var_b, var_h, var_a, share, bias):  # type: ignore[no-untyped-def]
     """Share of the second difference, 0 where the outer windows fit worse."""
     for x in range(after.size):
@@ -114,7 +114,7 @@ def curvatures(before, here, after, var_b, var_h, var_a, share, bias):  # type: 
         bias[x] = share * second if worst <= np.float32(4.0) * var_h[x] + np.float32(4.0) else ZERO
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def without_bias(smooth, bias, variance, amplitude, noise_share, carried):  # type: ignore[no-untyped-def]
     """Offset less the part of the bias that noise alone would not give."""
     for x in range(bias.size):

@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import FAST
+from moire_sensor.apart import FAST
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_fit import CarrierRows, empty_planes, fit_next, fit_work, start_columns
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.phase_planes import VARIANCE, slope_down
-from moire_sensor.phase_windows import Choice, pick_row
+from moire_sensor.phase_windows import Choice, pick_row, room_for
 from moire_sensor.settings import Settings
 
 # Rows above and below a band are fitted twice: few bands, but enough for four threads.
@@ -54,8 +54,9 @@ def phase_from_single(
 def carrier_rows(carrier: Carrier) -> CarrierRows:
     """What the kernels read of a carrier."""
     table = carrier.table
+    cos, sin = carrier.rows
     return CarrierRows(
-        carrier.cos, carrier.sin, table.rows, table.entries, carrier.half_width_px, carrier.half_height_px
+        cos, sin, table.rows, table.entries, carrier.half_width_px, carrier.half_height_px
     )  # fmt: skip
 
 
@@ -108,6 +109,7 @@ def phase_band(image, carrier, choice, good, first, offset, background, amplitud
     step = max(carrier.half_height, 1)
     ahead = 2 * step + carrier.half_height
     work, planes = fit_work(carrier), empty_planes(carrier, 4 * step + 1)
+    room = room_for(image.shape[1])
     start_columns(image, carrier, max(first - ahead, carrier.half_height), work)
     for y in range(first - ahead, last + ahead):
         fit_next(image, carrier, y, work, planes)
@@ -115,5 +117,6 @@ def phase_band(image, carrier, choice, good, first, offset, background, amplitud
         at = y - ahead
         if at >= first:
             pick_row(
-                image[at], planes, at, choice, good, offset[at], background[at], amplitude[at], sigma[at], status[at]
+                image[at], planes, at, choice, room, good, offset[at], background[at], amplitude[at], sigma[at],
+                status[at],
             )  # fmt: skip

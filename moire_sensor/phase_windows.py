@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.angles import FAST, NAN_SAFE, wrap
-from moire_sensor.apart import ROW_FAST
+from moire_sensor.angles import wrap
+from moire_sensor.apart import FAST, LEAF_FAST, NAN_SAFE
 from moire_sensor.phase_planes import ALONG, AMPLITUDE, BACKGROUND, CARRIED, DOWN, UNUSABLE, VARIANCE
 from moire_sensor.shot import Status
 
@@ -36,35 +36,50 @@ class Choice(NamedTuple):
     sigma_factor: np.float32
 
 
-@njit(**ROW_FAST)
-def pick_row(image, planes, y, choice, good, offset, background, amplitude, sigma, status):  # type: ignore[no-untyped-def]
+class Room(NamedTuple):
+    """Memory for the choice of one row: best variances, the numbers of their windows, where the windows start."""
+
+    key: npt.NDArray[np.float32]
+    number: npt.NDArray[np.uint8]
+    starts: npt.NDArray[np.int64]
+
+
+@njit(**FAST)
+def room_for(width):  # type: ignore[no-untyped-def]
+    """Room for rows of ``width`` pixels."""
+    number = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
+    return Room(np.empty(width, dtype=np.float32), number, np.empty(15, dtype=np.int64))
+
+
+@njit(**LEAF_FAST)
+def pick_row(image, planes, y, choice, room, good, offset, background, amplitude, sigma, status):  # type: ignore[no-untyped-def]
     """Fill one image row of offset, background, amplitude, sigma and status from the window that fits best.
 
     A window centred on the pixel whose variance is at most ``good`` needs no rival.
     """
     width = image.size
     first = (planes.shape[2] - width) // 2
-    number = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
+    key, number, starts = room.key, room.number, room.starts
     row = y % planes.shape[1]
     copy_row(planes[CARRIED, row][first:], offset)
     copy_row(planes[BACKGROUND, row][first:], background)
     copy_row(planes[AMPLITUDE, row][first:], amplitude)
     copy_row(planes[VARIANCE, row][first:], sigma)
-    best_numbers(planes[VARIANCE], y, first, choice, good, np.empty(width, dtype=np.float32), number)
-    take_shifted(planes, y, first, choice, number, offset, background, amplitude, sigma)
+    best_numbers(planes[VARIANCE], y, first, choice, good, key, number)
+    take_shifted(planes, y, first, choice, starts, number, offset, background, amplitude, sigma)
     judge(image, amplitude, sigma, choice.min_amplitude, choice.min_amplitude_to_noise, status)
     phase_noise(amplitude, choice.sigma_factor, sigma)
     known(offset, choice.step_rad, status)
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def copy_row(source, target):  # type: ignore[no-untyped-def]
     """Copy of a row; the compiler copies a slice several times slower."""
     for x in range(target.size):
         target[x] = source[x]
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def best_numbers(variance, y, first, choice, good, key, number):  # type: ignore[no-untyped-def]
     """Number 1 to 15 of the shifted window that fits best, 0 for the centred one; ``key`` is room for a row."""
     key[:] = LAST_KEY
@@ -88,7 +103,7 @@ def numbered(variance, number):  # type: ignore[no-untyped-def]
     return np.int32((np.float32(variance).view(np.int32) & ~NUMBERS) | number).view(np.float32)
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def challenge(far_left, left, here, right, far_right, centre, first, key):  # type: ignore[no-untyped-def]
     """Smallest penalised variance so far and of five windows of one row, each numbered."""
     for x in range(key.size):
@@ -100,13 +115,12 @@ def challenge(far_left, left, here, right, far_right, centre, first, key):  # ty
         key[x] = min(key[x], min(min(key_0, key_1), min(key_2, min(key_3, key_4))))
 
 
-@njit(**ROW_FAST)
-def take_shifted(planes, y, first, choice, number, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
+@njit(**LEAF_FAST)
+def take_shifted(planes, y, first, choice, starts, number, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
     """Where a shifted window is chosen, carry its phase to the pixel along its slopes."""
     flat = planes.reshape((planes.shape[0], planes.shape[1] * planes.shape[2]))
     carried, along, down = flat[CARRIED], flat[ALONG], flat[DOWN]
     backgrounds, amplitudes, variances = flat[BACKGROUND], flat[AMPLITUDE], flat[VARIANCE]
-    starts = np.empty(15, dtype=np.int64)
     for k in range(15):
         starts[k] = (y + choice.rows[k]) % planes.shape[1] * planes.shape[2] + choice.columns[k] + first
     eights = number.view(np.uint64)
@@ -122,7 +136,7 @@ def take_shifted(planes, y, first, choice, number, offset, background, amplitude
                 background[x], amplitude[x], variance[x] = backgrounds[at], amplitudes[at], variances[at]
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def judge(image, amplitude, variance, smallest, ratio, status):  # type: ignore[no-untyped-def]
     """Status of each pixel: dark or saturated where the amplitude is small beside the noise."""
     for x in range(status.size):
@@ -131,7 +145,7 @@ def judge(image, amplitude, variance, smallest, ratio, status):  # type: ignore[
         status[x] = OK if amplitude[x] > limit else unlit
 
 
-@njit(**ROW_FAST)
+@njit(**LEAF_FAST)
 def phase_noise(amplitude, factor, sigma):  # type: ignore[no-untyped-def]
     """Variance of the residual into the standard deviation of the phase."""
     for x in range(sigma.size):

@@ -167,11 +167,17 @@ class StereoRig:
         width, height = self.image_size
         if depth_m.shape != (height, width):
             raise RigError(f"the depth image has shape {depth_m.shape}; this rig needs {(height, width)}")
-        return np.multiply(self._rays32, np.asarray(depth_m, dtype=np.float32)[..., None], out=out)
+        depth = np.asarray(depth_m, dtype=np.float32)
+        points = np.empty((height, width, 3), dtype=np.float32) if out is None else out
+        # Axis by axis: numpy's loop over three numbers would take five times as long.
+        for axis, along in enumerate(self._rays32):
+            np.multiply(along, depth, out=points[..., axis])
+        return points
 
     @cached_property
-    def _rays32(self) -> npt.NDArray[np.float32]:
-        return self.rays().astype(np.float32)
+    def _rays32(self) -> tuple[npt.NDArray[np.float32], ...]:
+        """Each axis of :meth:`rays`, (H, W)."""
+        return tuple(np.ascontiguousarray(axis, dtype=np.float32) for axis in np.moveaxis(self.rays(), -1, 0))
 
     def projector_pixels(self, points_m: npt.ArrayLike) -> Array:
         """Projector device pixels (column, row), shape (..., 2), of points (..., 3) in the left optical frame.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Collection
 from typing import Any
 
@@ -16,13 +17,14 @@ from moire_sensor.errors import MoireError
 from moire_sensor.paper_rig import PROJECTOR_SIZE
 from moire_sensor.phase_steps import needed_frames
 from moire_sensor.resources import resource_path
-from moire_sensor.ros.diagnostics import OK, WARN, DiagnosticsPublisher, status_of
+from moire_sensor.ros.diagnostics import DiagnosticsPublisher
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.head_publisher import HeadPublisher
 from moire_sensor.ros.image_messages import image_message
-from moire_sensor.ros.parameters import ParameterSpec, changed_values, declare, refuse_unknown
+from moire_sensor.ros.parameters import ParameterSpec, changed_values, declare, help_text, refuse_unknown
 from moire_sensor.ros.projector_state import state_of_exposure
 from moire_sensor.ros.qos import latched_qos, overridable, publisher_qos
+from moire_sim.exposure_rate import ExposureRate
 from moire_sim.fringe_programme import FringeProgramme
 from moire_sim.turns import NANOSECONDS, seconds_to_turn
 from moire_sim.virtual_head import VirtualHead
@@ -36,6 +38,7 @@ from moire_sim.virtual_head_parameters import (
     options_of,
     patterns_of,
 )
+from moire_sim.virtual_head_status import exposure_status
 
 USAGE = """
 virtual_head --ros-args [-p scene:=flat_board] [-p rate_hz:=10] [-p seed:=0] [-p phase_steps:=1] [-r __ns:=/head]
@@ -43,6 +46,7 @@ A simulated head with two cameras and a fringe projector before a scene.
 """
 NAMESPACE = "head"
 DIAGNOSTICS_PERIOD_S = 1.0
+SLOW_NEWS_S = 30.0
 HEAD_SPECS = (
     ParameterSpec(
         "scene",
@@ -87,6 +91,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         self._programme = FringeProgramme(patterns_of(values))
         self._head = open_head(values)
         self._exposures = 0
+        self._rate = ExposureRate(values["rate_hz"])
         self._scene_start_ns: int | None = None
         self._laser_on = True
         self._awaited: int = values["wait_for_subscribers"]
@@ -144,6 +149,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
             return
         self._awaited = 0
         if not self._values["frames"] or self._exposures < self._values["frames"]:
+            self._rate.note(time.monotonic())
             self._expose()
 
     def _expose(self) -> None:
@@ -198,10 +204,12 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         return response
 
     def _diagnose(self) -> None:
-        values = {"exposures": self._exposures, "laser on": self._laser_on}
-        values |= {name: self._values[name] for name in ("scene", "rate_hz", "seed", "phase_steps", "optics")}
-        level, text = (OK, "exposing") if self._laser_on else (WARN, "the projector is off")
-        self._diagnostics.publish([status_of("exposure", level, text, values), self._joints.status()])
+        now_s = time.monotonic()
+        reached_hz, is_slow = self._rate.reached_hz(now_s), self._rate.is_slow(now_s)
+        status = exposure_status(self._values, self._exposures, self._laser_on, reached_hz, is_slow)
+        if is_slow:
+            self.get_logger().warning(status.message, throttle_duration_sec=SLOW_NEWS_S)
+        self._diagnostics.publish([status, self._joints.status()])
 
 
 def open_head(values: dict[str, Any]) -> VirtualHead:
@@ -213,7 +221,7 @@ def open_head(values: dict[str, Any]) -> VirtualHead:
 
 def main() -> int:
     """Run the node; the console script."""
-    return run_node(VirtualHeadNode, USAGE)
+    return run_node(VirtualHeadNode, USAGE + help_text(SPECS))
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ from moire_sensor.phase_single import (
 )
 from moire_sensor.phase_sums import sum_windows
 from moire_sensor.phase_table import ripple_factor
-from moire_sensor.phase_windows import SHIFT_PENALTY, pick_row
+from moire_sensor.phase_windows import SHIFT_PENALTY, pick_row, room_for
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 from moire_sensor.shot import Status
@@ -86,8 +86,8 @@ class Planes:
         choice = choice_of(self.carrier, 0.0, Settings(min_amplitude_to_noise=0.0))
         for y in range(shape[0]):
             pick_row(
-                image[y], self.values, y, choice, np.float32(good), offset[y], background[y], amplitude[y], sigma[y],
-                status[y],
+                image[y], self.values, y, choice, room_for(shape[1]), np.float32(good), offset[y], background[y],
+                amplitude[y], sigma[y], status[y],
             )  # fmt: skip
         return PhaseImage(offset, amplitude, background, sigma, status)
 
@@ -142,7 +142,7 @@ def test_fit_windows_under_a_turned_projector() -> None:
     check_fit(image, carrier, (2, between, 203, 477), (carrier.half_width_px, 100, 317, 639 - carrier.half_width_px))
 
 
-@pytest.mark.parametrize("size", [5, 6, 7, 8, 16, 17, 31])
+@pytest.mark.parametrize("size", [5, 6, 7, 8, 16, 17, 21, 31])
 def test_window_sums_by_doubling(size: int) -> None:
     width = 40
     columns = np.random.default_rng(size).normal(0.0, 50.0, (4, width)).astype(np.float32)

@@ -9,8 +9,8 @@ import pytest
 from source_scan import ROOT, ROS_PACKAGES, imported_packages, python_files
 
 ROS_OF_THE_SIMULATOR = {
-    f"moire_sim/{name}.py"
-    for name in ("virtual_head_node", "virtual_head_parameters", "virtual_head_joints", "demo_node")
+    "moire_sim/demo_node.py",
+    *(f"moire_sim/virtual_head_{name}.py" for name in ("node", "parameters", "joints", "status")),
 }
 
 

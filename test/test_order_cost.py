@@ -7,18 +7,11 @@ import pytest
 from core_rigs import rotation
 from dense_rigs import SMALL, Float32, outside_rig, small_carriers, small_map, small_rig
 
-from moire_sensor.order_cost import (
-    BLOCKED_COST,
-    FLAT_COST,
-    FULL_MISMATCH_RAD,
-    GREY_COST,
-    GREY_WEIGHT,
-    RIVAL_RAD,
-    UNITS,
-    UNSEEN_COST,
-    OrderCosts,
-)
+from moire_sensor.order_cost import OrderCosts
+from moire_sensor.order_grey import GREY_COST, GREY_WEIGHT
 from moire_sensor.order_range import RANGE_MARGIN_PX, OrderRange
+from moire_sensor.order_tiles import as_rows, tiles_for
+from moire_sensor.order_weigh import BLOCKED_COST, FLAT_COST, FULL_MISMATCH_RAD, RIVAL_RAD, UNITS, UNSEEN_COST
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.phase_carrier import Carrier
 from moire_sensor.phase_image import PhaseImage
@@ -121,9 +114,13 @@ def test_order_costs_equal_the_slow_loop(name: str) -> None:
     rng = np.random.default_rng(8)
     # Grey levels near each other, so that they often decide without reaching their limit.
     pair = rng.uniform(90, 130, SMALL[::-1]).astype(np.float32), rng.uniform(90, 130, SMALL[::-1]).astype(np.float32)
-    cost = np.zeros((SMALL[1], orders.count, SMALL[0]), dtype=np.uint8)
-    OrderCosts(carriers, projector, orders).fill(phases, pair, 0.6, cost, np.arange(cost.shape[0]))
+    tiles = tiles_for(SMALL[1], SMALL[0], orders.count)
+    OrderCosts(carriers, projector, orders).fill(phases, pair, 0.6, tiles, np.arange(SMALL[1]))
+    cost = as_rows(tiles, SMALL[1], SMALL[0])
     slow = slow_costs(phases, pair, carriers, projector, orders, 0.6)
+    unknown = np.isnan(offsets[0])
+    assert (np.ptp(cost, axis=1)[unknown] == 0).all()
+    cost, slow = (values.transpose(0, 2, 1)[~unknown] for values in (cost, slow))
     assert {UNSEEN_COST, BLOCKED_COST} <= set(np.unique(slow))
     # Two sums are rounded to whole units. Where the nearest pixel, a rival or the border is decided by rounding of a
     # float32 phase (3e-5 rad) the costs may jump.

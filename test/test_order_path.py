@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from dense_rigs import Array, Float32, capture, dense_shot
 
-from moire_sensor.order_cost import UNITS
-from moire_sensor.order_path import OrderPaths, UInt8
+from moire_sensor.order_path import OrderPaths
+from moire_sensor.order_tiles import LANES, UInt8
+from moire_sensor.order_weigh import UNITS
 
 JUMP = 0.8
 
@@ -48,8 +49,14 @@ def random_costs(seed: int, height: int, width: int, labels: int) -> tuple[UInt8
 def paths(cost: UInt8, jump: float = JUMP) -> OrderPaths:
     height, labels, width = cost.shape
     solver = OrderPaths(np.arange(height), width, labels, jump)
-    solver.cost[:height, :, :width] = cost
+    put(cost, solver)
     return solver
+
+
+def put(cost: UInt8, solver: OrderPaths) -> None:
+    """Put costs (H, labels, W) into their strips."""
+    for x in range(cost.shape[2]):
+        solver.cost[x // LANES, : cost.shape[0], :, x % LANES] = cost[:, :, x]
 
 
 def four_programmes(cost: Array, offset: Array) -> Array:
@@ -90,7 +97,7 @@ def test_nothing_is_left_of_the_frame_before() -> None:
     first, second = random_costs(3, 40, 50, 4), random_costs(4, 40, 50, 4)
     solver = paths(first[0])
     solver.solve(first[1])
-    solver.cost[:40, :, :50] = second[0]
+    put(second[0], solver)
     again = [np.copy(result) for result in solver.solve(second[1])]
     for found, expected in zip(again, paths(second[0]).solve(second[1]), strict=True):
         np.testing.assert_array_equal(found, expected)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -80,6 +81,27 @@ def test_executables_are_installed_and_their_functions_exist() -> None:
         assert function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
+# Sends a signal when the first of the package's slow modules is looked for.
+INTERRUPTED = """
+import os, sys
+from moire_commands import start
+
+class Interrupter:
+    def find_spec(self, name, path=None, target=None):
+        os.kill(os.getpid(), {number})
+
+sys.meta_path.insert(0, Interrupter())
+sys.exit(start.reconstruction())
+"""
+
+
+@pytest.mark.parametrize("number", [int(signal.SIGINT), int(signal.SIGTERM)])
+def test_a_signal_while_an_executable_imports_ends_it_with_0(number: int) -> None:
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED.format(number=number)], capture_output=True, text=True,
+                          check=False, cwd=ROOT)  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build this package with colcon in a workspace of its own."""
@@ -88,7 +110,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("colcon is not installed in this environment")
     folder = tmp_path_factory.mktemp("workspace")
     data = [name for name in setup_constant("DATA_FOLDERS") if (ROOT / name).is_dir()]
-    for name in ["moire_sensor", "moire_sim", "resource", *data]:
+    for name in ["moire_commands", "moire_sensor", "moire_sim", "resource", *data]:
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / name, folder / "src" / "moire_sensor" / name, ignore=ignored, dirs_exist_ok=True)
     for name in ["package.xml", "setup.py", "setup.cfg", "pyproject.toml", "LICENSE"]:

@@ -86,6 +86,7 @@ def test_arguments_that_are_no_ros_arguments_are_refused_and_help_is_given() -> 
                            timeout=TIMEOUT_S, check=False)  # fmt: skip
     assert asked.returncode == 0
     assert "folder:=FOLDER" in asked.stdout
+    assert "rate_hz:=" in asked.stdout
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -19,6 +19,7 @@ import numba
 from moire_sensor.errors import SettingsError
 from moire_sensor.ros.bag_reconstruction import reconstruct_bag
 from moire_sensor.ros.bag_task import BagOutcome, BagTask
+from moire_sensor.ros.executable import keep_freed_memory
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # How long a signal may go unnoticed while nothing is heard from the processes.
@@ -46,6 +47,7 @@ class StopFlag:
 
 def run_here(task: BagTask, progress: Progress, stop: Callable[[], bool]) -> BagOutcome:
     """Work on one bag in this process."""
+    keep_freed_memory()
     with _KERNELS:
         if task.threads:
             numba.set_num_threads(min(task.threads, numba.config.NUMBA_NUM_THREADS))

@@ -14,7 +14,7 @@ from moire_sensor.errors import MoireError, SettingsError
 from moire_sensor.ros.bag_topics import BagTopic, message_class, topics_named, type_name_of
 from moire_sensor.ros.bag_writer import MEGABYTE, STORAGES, BagWriter, Limits
 from moire_sensor.ros.executable import run_node
-from moire_sensor.ros.parameters import ParameterSpec, declare, refuse_unknown
+from moire_sensor.ros.parameters import ParameterSpec, declare, help_text, refuse_unknown
 
 # One second of a 10 Hz head: what may arrive while the disk is busy.
 QUEUE_DEPTH = 10
@@ -156,7 +156,7 @@ class RecordBagNode(Node):
 
 def main() -> int:
     """Run the executable ``record_bag``; returns its exit code."""
-    return run_node(RecordBagNode, USAGE)
+    return run_node(RecordBagNode, USAGE + help_text(PARAMETERS))
 
 
 if __name__ == "__main__":

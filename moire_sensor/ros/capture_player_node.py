@@ -11,7 +11,7 @@ from moire_sensor.capture_folder import RIG_FILE, Capture, read_capture, read_ri
 from moire_sensor.errors import CaptureError
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.head_publisher import HeadPublisher
-from moire_sensor.ros.parameters import ParameterSpec, declare, refuse_unknown
+from moire_sensor.ros.parameters import ParameterSpec, declare, help_text, refuse_unknown
 from moire_sensor.ros.projector_state import state_of_exposure
 
 USAGE = """
@@ -91,7 +91,7 @@ def projector_size(capture: Capture) -> tuple[int, int]:
 
 def main() -> int:
     """Run the node; the console script."""
-    return run_node(CapturePlayerNode, USAGE)
+    return run_node(CapturePlayerNode, USAGE + help_text(SPECS))
 
 
 if __name__ == "__main__":

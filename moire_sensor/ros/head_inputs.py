@@ -100,7 +100,7 @@ class HeadInputs:
         self._subscriptions.append(subscription)
 
     def _latched_listener(self, node: Any, topic: str, callback: Handler) -> Handler:
-        """Return a callback that listens to old messages too, once a publisher that keeps them is there.
+        """Return a callback that listens to what a publisher kept, once one that keeps its messages is there.
 
         Drivers publish infos with each image; a head or a bag publishes them perhaps once, latched. A latched
         subscription from the start would make each publisher that does not latch warn of incompatible settings.
@@ -110,8 +110,15 @@ class HeadInputs:
         def listen(event: Any) -> None:
             publishers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
             if not listening and any(one.qos_profile.durability == LATCHED for one in publishers):
-                listening.append(node.create_subscription(CameraInfo, topic, callback, latched_qos()))
-                self._subscriptions.append(listening[0])
+                listening.append(node.create_subscription(CameraInfo, topic, take_kept, latched_qos()))
+                self._subscriptions += listening
+
+        def take_kept(message: Any) -> None:
+            # What follows comes to the other subscription, and is not to be read twice.
+            callback(message)
+            if listening and listening[0] in self._subscriptions:
+                self._subscriptions.remove(listening[0])
+                node.destroy_subscription(listening.pop())
 
         return listen
 

@@ -58,15 +58,27 @@ class ParameterSpec:
         kind = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}[type(self.default)]
         return kind if self.low is None else f"{kind} from {self.low:g} to {self.high:g}"
 
+    def described(self) -> str:
+        """Return what the parameter is for, with the choices where there are some."""
+        return self.text + (f"; one of {', '.join(self.choices)}" if self.choices else "")
+
     def descriptor(self) -> ParameterDescriptor:
         """Return the descriptor for ``declare_parameter``."""
-        text = self.text + (f"; one of {', '.join(self.choices)}" if self.choices else "")
-        message = ParameterDescriptor(name=self.name, description=text, read_only=self.read_only)
+        message = ParameterDescriptor(name=self.name, description=self.described(), read_only=self.read_only)
         if self.low is not None and isinstance(self.default, float):
             message.floating_point_range = [FloatingPointRange(from_value=self.low, to_value=self.high)]
         elif self.low is not None:
             message.integer_range = [IntegerRange(from_value=int(self.low), to_value=int(self.high or 0), step=1)]
         return message
+
+
+def help_text(specs: Sequence[ParameterSpec]) -> str:
+    """Return a line for each parameter: its name, its default, and what it is for."""
+    lines = []
+    for spec in specs:
+        default = str(spec.default).lower() if isinstance(spec.default, bool) else spec.default
+        lines.append(f"  {f'{spec.name}:={default}':<32} {spec.described()}")
+    return "\n".join(["parameters, each given as -p NAME:=VALUE, with their defaults:", *lines])
 
 
 def specs_of(settings_type: type) -> tuple[ParameterSpec, ...]:

@@ -41,7 +41,7 @@ class Health:
         self._node = node
         self._tally = Tally()
         self._report = Report()
-        self._facts: tuple[float, dict[str, Any]] = (0.0, {})
+        self._found: tuple[float, Callable[[], dict[str, Any]]] = (-math.inf, dict)
         self._alignment: dict[str, Any] = {}
         self._checked_s = -math.inf
         self._silent: set[str] = set()
@@ -66,13 +66,16 @@ class Health:
             self._checked_s = now_s
             self._alignment = measure()
 
-    def note_result(self, header: Header, taken_s: float, facts: dict[str, Any]) -> None:
-        """A result was published whose set was whole at ``taken_s`` of ``time.monotonic``."""
+    def note_result(self, header: Header, taken_s: float, facts: Callable[[], dict[str, Any]]) -> None:
+        """A result was published whose set was whole at ``taken_s`` of ``time.monotonic``.
+
+        ``facts`` is called for the report, if no newer result comes before that.
+        """
         now_s = time.monotonic()
         stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
         age_s = float(self._node.get_clock().now().nanoseconds - stamp_ns) * 1e-9
         self._tally.add_latency(age_s, now_s - taken_s)
-        self._facts = (now_s, facts | self._alignment)
+        self._found = (now_s, facts)
         self._tally.count(RECONSTRUCTED)
 
     def watch(self, inputs: HeadInputs) -> bool:
@@ -89,7 +92,8 @@ class Health:
     def report(self, inputs: HeadInputs, publisher: DiagnosticsPublisher, period_s: float) -> None:
         """In the executor's thread: publish all statuses; ``period_s`` is the time between reports."""
         now_s = time.monotonic()
-        found_s, facts = self._facts
+        found_s, facts = self._found
+        is_fresh = now_s - found_s <= max(FRESH_S, 2.0 * period_s)
         received = InputState(
             inputs.sets.matcher.counts,
             inputs.incompatible(),
@@ -98,5 +102,5 @@ class Health:
             inputs.sets.missing_infos,
             self.laser_on,
         )
-        work = WorkState(self._tally.snapshot(), dict(facts), now_s - found_s <= max(FRESH_S, 2.0 * period_s))
+        work = WorkState(self._tally.snapshot(), facts() | self._alignment if is_fresh else {}, is_fresh)
         publisher.publish(self._report.statuses(received, work, self.limits, now_s))

@@ -18,7 +18,7 @@ from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.head_inputs import HeadInputs
 from moire_sensor.ros.kernels import warm_up
 from moire_sensor.ros.lifecycle import STEADY_CLOCK, ManagedNode
-from moire_sensor.ros.parameters import changed_values, declare, refuse_unknown
+from moire_sensor.ros.parameters import changed_values, declare, help_text, refuse_unknown
 from moire_sensor.ros.qos import destroy_publisher, overridable, publisher_maker, publisher_qos
 from moire_sensor.ros.reconstruction_health import Health
 from moire_sensor.ros.reconstruction_job import Job, alignment_facts, reconstruct
@@ -181,7 +181,7 @@ class ReconstructionNode(ManagedNode):
             result = reconstruct(job, self._cache)
             if results is not None:
                 results.publish(job.header, result.sensor, result.shot, job.output)
-            health.note_result(job.header, job.taken_s, result.facts())
+            health.note_result(job.header, job.taken_s, result.facts)
             health.note_alignment(lambda: alignment_facts(job, result, self._cache))
         except MoireError as error:
             health.refuse_for(error)
@@ -222,7 +222,7 @@ class ReconstructionNode(ManagedNode):
 
 def main() -> int:
     """Run the node; the console script."""
-    return run_node(ReconstructionNode, USAGE)
+    return run_node(ReconstructionNode, USAGE + help_text(SPECS))
 
 
 if __name__ == "__main__":

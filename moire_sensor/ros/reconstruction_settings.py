@@ -37,7 +37,13 @@ SPECS = (
         "depth_encoding", DEPTH_ENCODINGS[0], "32FC1: m, NaN unknown; 16UC1: mm, 0 unknown", choices=DEPTH_ENCODINGS
     ),
     ParameterSpec("diagnostics_period_s", 1.0, "time between diagnostics, s", 0.05, 60.0),
-    ParameterSpec("queue_depth", 2, "sets that may wait while one is worked on; the oldest give way", 1, 1000),
+    ParameterSpec(
+        "queue_depth",
+        2,
+        "sets that may wait while one is worked on; once more come, only the newest does until the node has caught up",
+        1,
+        1000,
+    ),
     ParameterSpec(
         "autostart", True, "configure and activate at once; false waits for lifecycle transitions", read_only=True
     ),

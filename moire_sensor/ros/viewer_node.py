@@ -11,7 +11,7 @@ from rclpy.node import Node
 from moire_sensor.errors import ImageError, SettingsError
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.lifecycle import STEADY_CLOCK
-from moire_sensor.ros.parameters import ParameterSpec, declare, refuse_unknown
+from moire_sensor.ros.parameters import ParameterSpec, declare, help_text, refuse_unknown
 from moire_sensor.ros.viewer_inputs import STREAMS, StreamState, ViewerInputs
 from moire_sensor.ros.viewer_page import ViewerPage, resolve_host
 from moire_sensor.ros.viewer_pictures import (
@@ -152,7 +152,7 @@ def milliseconds(seconds: float) -> str:
 
 def main() -> int:
     """Run the node; the console script."""
-    return run_node(ViewerNode, USAGE)
+    return run_node(ViewerNode, USAGE + help_text(SPECS))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,10 @@ Job = TypeVar("Job")
 
 
 class Worker(Generic[Job]):
-    """Run ``work(job)`` in a thread, in order; when the queue is full, the oldest waiting job is superseded.
+    """Run ``work(job)`` in a thread, in order; when more wait than may, all but the newest are superseded.
+
+    From then on only the newest waits, until the thread has caught up: with more work than it can do, a longer queue
+    would make every result later and none more.
 
     Parameters
     ----------
@@ -37,6 +40,7 @@ class Worker(Generic[Job]):
         self._waiting: deque[Job] = deque()
         self._changed = Condition()
         self._busy = False
+        self._behind = False
         self._stopped = False
         self._thread = Thread(target=self._run, name="reconstruction", daemon=True)
         self._thread.start()
@@ -64,11 +68,12 @@ class Worker(Generic[Job]):
         """Queue a job; never blocks."""
         with self._changed:
             self._waiting.append(job)
-            pushed_out = len(self._waiting) - self._queue_depth
+            self._behind = self._behind or len(self._waiting) > self._queue_depth
+            pushed_out = len(self._waiting) - 1 if self._behind else 0
             for _ in range(pushed_out):
                 self._waiting.popleft()
             self._changed.notify_all()
-        if pushed_out > 0:
+        if pushed_out:
             self._superseded(pushed_out)
 
     def is_idle(self) -> bool:
@@ -115,6 +120,7 @@ class Worker(Generic[Job]):
         while True:
             with self._changed:
                 self._busy = False
+                self._behind = self._behind and bool(self._waiting)
                 self._changed.notify_all()
                 self._changed.wait_for(lambda: self._stopped or bool(self._waiting))
                 if self._stopped:

@@ -19,7 +19,7 @@ from sensor_msgs.msg import Image, JointState
 
 from moire_sensor.paper_rig import paper_pattern
 from moire_sensor.ros.bag_message import header_stamp_ns
-from moire_sensor.ros.executable import use_large_message_profile
+from moire_sensor.ros.executable import keep_freed_memory, use_large_message_profile
 from moire_sensor.ros.reconstruction_report import REFUSED, SUPERSEDED
 from moire_sensor.ros.result_messages import TOPICS
 from moire_sim import VirtualHead
@@ -125,6 +125,7 @@ class Outputs:
 def latency_records(cases: Sequence[LatencyCase], seconds: float = SECONDS) -> Iterator[LatencyRecord]:
     """Run the cases one after the other in a ROS domain of their own; raises DemoError where a node ends early."""
     use_large_message_profile()
+    keep_freed_memory()
     with isolate_ros(), tempfile.TemporaryDirectory() as folder:
         for number, case in enumerate(cases):
             rclpy.init()

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from moire_sensor import Reconstructor, Shot
 from moire_sensor.depth_refine import refine
-from moire_sensor.order_cost import UNITS, OrderCosts
+from moire_sensor.order_cost import OrderCosts
 from moire_sensor.order_range import OrderRange
 from moire_sensor.order_solver import OrderSolver
+from moire_sensor.order_tiles import as_rows, tiles_for
+from moire_sensor.order_weigh import UNITS
 from moire_sensor.paper_rig import paper_pattern
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
@@ -106,9 +107,9 @@ def candidate_costs(
 ) -> Float32:
     """Return the cost (H, K, W) of every candidate, in units of a full mismatch."""
     height, width = greys[0].shape
-    cost: npt.NDArray[np.uint8] = np.zeros((height, orders.count, width), dtype=np.uint8)
-    OrderCosts(carriers, projector, orders).fill(phases, greys, SHADING_SINGLE_RAD, cost, np.arange(height))
-    return cost.astype(np.float32) / np.float32(UNITS)
+    tiles = tiles_for(height, width, orders.count)
+    OrderCosts(carriers, projector, orders).fill(phases, greys, SHADING_SINGLE_RAD, tiles, np.arange(height))
+    return as_rows(tiles, height, width).astype(np.float32) / np.float32(UNITS)
 
 
 def depths_along(
