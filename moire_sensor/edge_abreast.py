@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.apart import ROW
+from moire_sensor.apart import ROW, UNCOUNTED
 from moire_sensor.edge_lanes import ABREAST
 
 NAN, ENDLESS_PX = np.float32(np.nan), np.float32(np.inf)
@@ -46,7 +46,7 @@ class Band(NamedTuple):
     cell: npt.NDArray[np.int64]
 
 
-@njit
+@njit(**UNCOUNTED)
 def line_up(x_px, side, number, rows, lambda_oc, to_x, to_side, behind, least, most):  # type: ignore[no-untyped-def]
     """Lay the edges of rows (n,) side by side; the most edges of one."""
     count = np.int64(0)
@@ -90,7 +90,7 @@ def widen(x_px, least, most):  # type: ignore[no-untyped-def]
         most[i] = x_px[i] if x_px[i] > most[i] else most[i]
 
 
-@njit
+@njit(**UNCOUNTED)
 def find_band(n, m, left_least, left_most, right_least, right_most, rules, low, high, cell):  # type: ignore[no-untyped-def]
     """Fill the band (constraint 1) of right edges 0 to m and left edges 0 to n; the cells it takes."""
     nearest, farthest = np.float32(rules.nearest), np.float32(rules.farthest)

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from moire_sensor.apart import EXACT
 from moire_sensor.edge_find import EdgeRows, Float32
-from moire_sensor.edge_lanes import EXACT, LANES, lane_rows
+from moire_sensor.edge_lanes import LANES, lane_rows
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.reference_ray import phase_seen_rad
 

@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.apart import ROW
+from moire_sensor.apart import EXACT, ROW, UNCOUNTED
 from moire_sensor.edge_cost import EDGE_BITS, MOST_EDGES, NO_MATCH, in_units, match_cost
-from moire_sensor.edge_lanes import EXACT
 
 # Widens the columns in which an edge is looked for: sums of float32 may round the wrong way.
 SLACK_PX = np.float32(0.01)
@@ -65,7 +64,7 @@ def pixels_in_reach(reach_px: float) -> int:
     return int(2.0 * (reach_px + SLACK_PX)) + 2
 
 
-@njit
+@njit(**UNCOUNTED)
 def split_sides(left_x, left_side, left_height, reach, x_px, height, edge, seen):  # type: ignore[no-untyped-def]
     """Fill the arrays of :class:`Sides` from the edges of a row."""
     half = x_px.size // 2
@@ -95,7 +94,7 @@ def show(x_px, first, reach, pixels, seen):  # type: ignore[no-untyped-def]
             seen[pixel + step] = first + number - 1
 
 
-@njit
+@njit(**UNCOUNTED)
 def find_near(columns, right_side, m, reach, x_px, seen, spot, candidate, at):  # type: ignore[no-untyped-def]
     """Note the candidates (K, E) of a row that may have a left edge of their side within reach; their number.
 

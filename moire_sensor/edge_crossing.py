@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from moire_sensor.edge_lanes import EXACT
+from moire_sensor.apart import EXACT
 
 UP, DOWN = 1, -1
 ZERO, HALF, ONE, TWO, EIGHT = (np.float32(number) for number in (0.0, 0.5, 1.0, 2.0, 8.0))

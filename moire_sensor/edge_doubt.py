@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from moire_sensor.apart import UNCOUNTED
 from moire_sensor.edge_cost import NEAR, in_units, match_cost
 
 # In place of the number of a right edge: there is a match, but two fringe orders fit.
@@ -15,7 +16,7 @@ LEAST_RUN = 8
 NO_SHIFT = np.int32(1 << 30)
 
 
-@njit
+@njit(**UNCOUNTED)
 def doubt_row(partner, right, left, cost, rules, shift):  # type: ignore[no-untyped-def]
     """Mark the runs of a row's matches, neighbours in both images, whose left edges confirm another run as closely.
 
@@ -39,11 +40,14 @@ def doubt_row(partner, right, left, cost, rules, shift):  # type: ignore[no-unty
             start = i
 
 
-@njit
+@njit(**UNCOUNTED)
 def most_common(shift):  # type: ignore[no-untyped-def]
     """How often the shift occurs that more than half of the edges have; 0 if there is none."""
     value, votes = NO_SHIFT, 0
     for i in range(shift.size):
         value = shift[i] if votes == 0 else value
         votes += 1 if shift[i] == value else -1
-    return np.sum(shift == value) if value != NO_SHIFT else np.int64(0)
+    number = 0
+    for i in range(shift.size):
+        number += np.int64(shift[i] == value)
+    return number if value != NO_SHIFT else 0

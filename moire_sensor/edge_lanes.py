@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-from moire_sensor.apart import Apart
-
 LANES = 8
-# Compiler options of kernels over rows whose arguments lie apart in memory (apart), to the last bit as written.
-EXACT: dict[str, Any] = {"error_model": "numpy", "pipeline_class": Apart}
 # Rows that one vector of the processor takes at once.
 ABREAST = 8
 

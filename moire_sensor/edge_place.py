@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from moire_sensor.edge_lanes import EXACT
+from moire_sensor.apart import EXACT
 from moire_sensor.edge_points import depth_of, order_of, sigma_of
 from moire_sensor.edge_spread import drop_loners
 from moire_sensor.shot import UNKNOWN_ORDER, Status

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import get_thread_id, njit, prange
 
-from moire_sensor.apart import ROW
+from moire_sensor.apart import ROW, UNCOUNTED
 from moire_sensor.edge_abreast import fill, find_band, line_up
 from moire_sensor.edge_confirm import confirm, find_near, split_sides
 from moire_sensor.edge_cost import COST, EDGE_BITS, ENDLESS, MOST_EDGES, NO_MATCH, in_units, on_path
@@ -74,7 +74,7 @@ def match_block(begin, behind, left, right, candidates, rules, sides, near, left
         follow_rows(rows, begin, behind, left, right, candidates, rules, match)
 
 
-@njit
+@njit(**UNCOUNTED)
 def lay_out(left, right, rules, rows, lefts, rights, band, work, thread):  # type: ignore[no-untyped-def]
     """Put some rows side by side, in a table in which all edges agree in their side alone; the most right edges."""
     lambda_oc, only_side = on_path(in_units(rules.lambda_oc)), in_units(rules.lambda_mat - rules.lambda_r)
@@ -97,7 +97,7 @@ def lay_out(left, right, rules, rows, lefts, rights, band, work, thread):  # typ
     return m
 
 
-@njit
+@njit(**UNCOUNTED)
 def confirm_rows(left, right, columns, rules, rows, sides, near, band, work, thread):  # type: ignore[no-untyped-def]
     """The same-side test: which left edges confirm candidates, and what their matches cost, which goes in the table."""
     # Taken out of the tuples once: numba counts references each time, which would cost more than all the rest.
@@ -121,7 +121,7 @@ def confirm_rows(left, right, columns, rules, rows, sides, near, band, work, thr
         found[r] = count
 
 
-@njit
+@njit(**UNCOUNTED)
 def add_costs(right, left, cost, found, low, high, cell, table, r):  # type: ignore[no-untyped-def]
     """Enter the costs of a row's confirmed matches into its column of the table."""
     for entry in range(found):
@@ -130,7 +130,7 @@ def add_costs(right, left, cost, found, low, high, cell, table, r):  # type: ign
             table[cell[j] + i, r] = min(table[cell[j] + i, r], cost[entry])
 
 
-@njit
+@njit(**UNCOUNTED)
 def solve_rows(left_number, right_number, m, rules, rows, lefts, rights, band, work, thread):  # type: ignore[no-untyped-def]
     """Run the programme over rows side by side; ``state[3]`` is then the last match of the best path of each."""
     lambda_oc, state = on_path(in_units(rules.lambda_oc)), work.state[thread]
@@ -208,7 +208,7 @@ def extend_paths(  # type: ignore[no-untyped-def]
             diagonal[r] = before
 
 
-@njit
+@njit(**UNCOUNTED)
 def trace_back(best, cell, table, rows, partner):  # type: ignore[no-untyped-def]
     """Walk from the last match of each row to the first and write them down; a step in all rows at a time."""
     for r in range(rows.size):
@@ -226,7 +226,7 @@ def trace_back(best, cell, table, rows, partner):  # type: ignore[no-untyped-def
                 walking += 1
 
 
-@njit
+@njit(**UNCOUNTED)
 def settle_rows(numbers, rules, rows, near, work, thread, partner, candidate):  # type: ignore[no-untyped-def]
     """Keep the matches that are correspondences, with the nearest candidate, and mark the doubtful ones."""
     rights, lefts, number, found = near.right[thread], near.left[thread], near.number[thread], near.found[thread]
@@ -240,7 +240,7 @@ def settle_rows(numbers, rules, rows, near, work, thread, partner, candidate):  
         doubt_row(partner[y, :n], rights[r, :count], lefts[r], costs[r], rules, shift)
 
 
-@njit
+@njit(**UNCOUNTED)
 def keep(partner, right, left, number, cost, away_px, least_px, candidate):  # type: ignore[no-untyped-def]
     """Keep the matches of a row that a candidate confirms, and note which: the nearest one."""
     candidate[: partner.size] = -1

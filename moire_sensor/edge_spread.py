@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from moire_sensor.apart import EXACT
 from moire_sensor.edge_cost import alike
-from moire_sensor.edge_lanes import EXACT
 
 
 @njit(inline="always")
