@@ -79,14 +79,14 @@ def sum_windows(values, size, sums):  # type: ignore[no-untyped-def]
 def grow(values, ahead, sums):  # type: ignore[no-untyped-def]
     """Sums of two rows."""
     for x in range(ahead.size):
-        sums[x] = values[x] + ahead[x]
+        sums[x] = np.uint32(values[x]) + np.uint32(ahead[x])
 
 
 @njit(**ROW)
 def add(values, sums):  # type: ignore[no-untyped-def]
     """Add a row to sums."""
     for x in range(values.size):
-        sums[x] += values[x]
+        sums[x] = np.uint32(sums[x]) + np.uint32(values[x])
 
 
 @njit
