@@ -47,7 +47,7 @@ def most_common(shift):  # type: ignore[no-untyped-def]
     for i in range(shift.size):
         value = shift[i] if votes == 0 else value
         votes += 1 if shift[i] == value else -1
-    number = 0
+    number = np.int64(0)
     for i in range(shift.size):
         number += np.int64(shift[i] == value)
-    return number if value != NO_SHIFT else 0
+    return number if value != NO_SHIFT else np.int64(0)
