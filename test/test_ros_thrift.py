@@ -57,6 +57,7 @@ def test_a_camera_info_that_was_kept_is_read_and_no_later_one_twice(monkeypatch:
         publisher.publish(info)
         inputs = HeadInputs(node, True, nothing, nothing)
         spin_until(node, lambda: bool(read), "the camera info that was kept")
+        spin_until(node, lambda: publisher.get_subscription_count() == 1, "one of the two subscriptions to end")
         for number in range(2, 6):
             info.header.stamp.sec = number
             publisher.publish(info)
