@@ -29,6 +29,8 @@ NAN_SAFE = {"arcp", "contract", "nsz", "reassoc"}
 # Kernels over rows that lie apart, of numbers that are never NaN and of those that may be.
 ROW_FAST: dict[str, Any] = {**FAST, "pipeline_class": Apart}
 ROW: dict[str, Any] = {"fastmath": NAN_SAFE, "error_model": "numpy", "pipeline_class": Apart}
+# Kernels over rows that lie apart, rounded as written.
+EXACT: dict[str, Any] = {"error_model": "numpy", "pipeline_class": Apart}
 # No count of references to arrays, two locked steps for each: for kernels that only compute, called for few columns at
 # a time. They can neither make nor return an array, nor assign a slice to a slice.
 UNCOUNTED: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}

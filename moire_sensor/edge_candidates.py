@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from moire_sensor.apart import EXACT
 from moire_sensor.edge_find import EdgeRows, Float32
 from moire_sensor.edge_lanes import LANES, lane_rows
 from moire_sensor.projector_map import ProjectorMap
@@ -65,6 +66,10 @@ class CandidateRays:
         packed = tuple(float(number) for number in projector.packed())
         return cls(packed, (least, most, width - 1.0), number, float(np.sign(after - before)))
 
+    def up_rad(self, bright: float) -> float:
+        """Phase of the up edge of order 0, for the bright share of a projected fringe."""
+        return -np.pi * bright * self.direction
+
     def room(self, edges: EdgeRows) -> Candidates:
         """Memory for the candidates of all edges."""
         height, most = edges.x_px.shape
@@ -86,31 +91,34 @@ def find_candidates(
     room : memory for the result; what lies behind the number of a row's edges is left as it is.
     """
     candidates = rays.room(right) if room is None else room
-    up_rad = -np.pi * bright * rays.direction
-    intersect_rays(right, rays.projector, rays.ends, up_rad, step_rad, candidates)
+    intersect_rays(right, rays.projector, rays.ends, rays.up_rad(bright), step_rad, candidates)
     return candidates
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def intersect_rays(right, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
     """Fill ``candidates`` for all right edges; ``up_rad`` is the phase of the up edge of order 0."""
-    for lane in prange(LANES):
-        intersect_lane(right, lane, projector, ends, up_rad, step_rad, candidates)
+    for index in prange(LANES):
+        begin, behind = lane_rows(index, right.x_px.shape[0])
+        intersect_rows(right, begin, behind, projector, ends, up_rad, step_rad, candidates)
 
 
 @njit(error_model="numpy")
-def intersect_lane(right, lane, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
-    """Candidates of the rows of a lane."""
-    first = np.empty(right.x_px.shape[1], dtype=np.float64)
-    for y in range(*lane_rows(lane, right.x_px.shape[0])):
-        x_px, side = right.x_px[y, : right.number[y]], right.side[y]
-        left_x = candidates.left_x_px[y]
-        first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, candidates.half_order[y])
-        for number in range(left_x.shape[0]):
-            intersect_edges(x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x[number])
+def intersect_rows(right, begin, behind, projector, ends, up_rad, step_rad, candidates):  # type: ignore[no-untyped-def]
+    """Fill the candidates of some rows."""
+    # Taken out of the tuples once: numba counts references each time.
+    x_px, sides, number, left_x, half_order = (
+        right.x_px, right.side, right.number, candidates.left_x_px, candidates.half_order
+    )  # fmt: skip
+    first = np.empty(x_px.shape[1], dtype=np.float64)
+    for y in range(begin, behind):
+        n = number[y]
+        first_orders(x_px[y, :n], sides[y], y, projector, ends, up_rad, step_rad, first, half_order[y])
+        for k in range(left_x.shape[1]):
+            intersect_edges(x_px[y, :n], sides[y], y, first, k, projector, ends, up_rad, step_rad, left_x[y, k])
 
 
-@njit(error_model="numpy")
+@njit(**EXACT)
 def first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, half_order):  # type: ignore[no-untyped-def]
     """Least order of a projected edge that the ray of each edge of row y meets between the ends of its range."""
     for edge in range(x_px.size):
@@ -121,15 +129,16 @@ def first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, half_o
         half_order[edge] = np.int32(2.0 * first[edge]) - (edge_rad < 0.0)
 
 
-@njit(error_model="numpy")
+@njit(**EXACT)
 def intersect_edges(x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x):  # type: ignore[no-untyped-def]
     """Candidates of one number of row y: on the ray, the absolute phase is the edge's of order 0 and whole turns."""
+    least, most, last = ends
     for edge in range(x_px.size):
         x = np.float64(x_px[edge])
         phase = side[edge] * up_rad + TURN * (first[edge] + number)
         disparity = disparity_on_ray(projector, x, y, phase - step_rad)
         column = x + disparity
-        inside = (ends[0] <= disparity) & (disparity <= ends[1]) & (column >= 0.0) & (column <= ends[2])
+        inside = (least <= disparity) & (disparity <= most) & (column >= 0.0) & (column <= last)
         left_x[edge] = column if inside else np.nan
 
 
@@ -145,7 +154,7 @@ def phase_on_ray(projector, x, y, disparity):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy", inline="always")
 def disparity_on_ray(projector, x, y, phase):  # type: ignore[no-untyped-def]
     """Disparity at which right pixel (x, y) sees an absolute phase, equation (11): ``disparity_on_ray_px``."""
-    column = (phase - projector[9]) / projector[8]
+    column = (phase - projector[9]) * (1.0 / projector[8])
     per_disparity = column * (projector[7] + projector[5]) - (projector[3] + projector[1])
     above = projector[0] + projector[1] * x + projector[2] * y
     return (above - column * (projector[4] + projector[5] * x + projector[6] * y)) / per_disparity

@@ -13,7 +13,10 @@ from moire_sensor.edge_settings import EdgeSettings
 # A path is one number, so that the least is the cheapest: J in units of 2^-18 from bit 24 on, its last match below.
 PLACE_BITS, UNITS = 24, 2.0**18
 COST = ~np.int64((1 << PLACE_BITS) - 1)
-ENDLESS = np.int64(1 << 60)
+ENDLESS, NO_MATCH = np.int64(1 << 60), np.int32((1 << 31) - 1)
+# A match of left edge i and right edge j has place j 2^12 + i + 1, the start place 0.
+EDGE_BITS = 12
+MOST_EDGES = (1 << EDGE_BITS) - 1
 # Among paths of equal J, common beside occlusions, the one that meets its candidates best is taken.
 TIE_BREAK = 1e-3
 # Share of the largest distance from a candidate at which lambda_off has grown to its whole.
@@ -39,6 +42,8 @@ class Rules(NamedTuple):
     lambda_mat: float
     lambda_off: float
     doubtful_share: float
+    rows: int
+    follow_px: float
 
 
 def matching_rules(disparity_range_px: tuple[float, float], period_px: float, settings: EdgeSettings) -> Rules:
@@ -51,6 +56,8 @@ def matching_rules(disparity_range_px: tuple[float, float], period_px: float, se
         settings.same_height,
         *costs,
         settings.doubtful_share,
+        int(settings.rows),
+        settings.follow_px,
     )
 
 
@@ -69,7 +76,13 @@ def match_cost(away_px, rules):  # type: ignore[no-untyped-def]
     return TIE_BREAK * off + rules.lambda_off * far * far - rules.lambda_r
 
 
-@njit
+@njit(inline="always")
 def in_units(cost):  # type: ignore[no-untyped-def]
-    """A cost as it is added to a path."""
-    return np.int64(np.rint(cost * UNITS)) << PLACE_BITS
+    """A cost in the units of a path, below ``NO_MATCH``: settings allow 1e3."""
+    return np.int32(np.rint(cost * UNITS))
+
+
+@njit(inline="always")
+def on_path(units):  # type: ignore[no-untyped-def]
+    """A cost in units, as it is added to a path."""
+    return np.int64(units) << PLACE_BITS

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from moire_sensor.apart import EXACT
+
 UP, DOWN = 1, -1
 ZERO, HALF, ONE, TWO, EIGHT = (np.float32(number) for number in (0.0, 0.5, 1.0, 2.0, 8.0))
 ENDLESS = np.float32(np.inf)
@@ -30,8 +32,7 @@ def mark_edges(row, extrema, work, columns, edge_noise, x_px, side, height, sigm
 def fill_levels(row, extrema, level, rise, drift):  # type: ignore[no-untyped-def]
     """Level of each extremum, and its change per column: along the flatter of the lines to its two likes."""
     number = extrema.size
-    for n in range(number):
-        level[n] = extremum_level(row, extrema[n])
+    extremum_levels(row, extrema, level)
     drift[:number] = ENDLESS
     if number > 2:
         rises(level[: number - 2], level[2:number], extrema[: number - 2], extrema[2:], rise)
@@ -41,31 +42,31 @@ def fill_levels(row, extrema, level, rise, drift):  # type: ignore[no-untyped-de
         drift[n] = drift[n] if drift[n] < ENDLESS else ZERO
 
 
-@njit(error_model="numpy")
+@njit(**EXACT)
 def rises(level, level_after, x, x_after, rise):  # type: ignore[no-untyped-def]
     """Change per column from each extremum to the next of its kind."""
     for n in range(level.size):
         rise[n] = (level_after[n] - level[n]) / np.float32(x_after[n] - x[n])
 
 
-@njit
+@njit(**EXACT)
 def flatten(before, drift):  # type: ignore[no-untyped-def]
     """Take the change from the extremum before where it is the smaller one."""
     for n in range(drift.size):
         drift[n] = before[n] if abs(before[n]) <= abs(drift[n]) else drift[n]
 
 
-@njit(error_model="numpy", inline="always")
-def extremum_level(row, x):  # type: ignore[no-untyped-def]
-    """Grey level at the top of the parabola through an extremum and the samples two pixels off."""
-    tilt = row[x + 2] - row[x - 2]
-    bend = row[x + 2] - TWO * row[x] + row[x - 2]
-    if abs(bend) <= abs(tilt):
-        return row[x]
-    return row[x] - tilt * tilt / (EIGHT * bend)
+@njit(**EXACT)
+def extremum_levels(row, extrema, level):  # type: ignore[no-untyped-def]
+    """Grey level at the top of the parabola through each extremum and the samples two pixels off."""
+    for n in range(extrema.size):
+        before, here, after = row[extrema[n] - 2], row[extrema[n]], row[extrema[n] + 2]
+        tilt, bend = after - before, after - TWO * here + before
+        top = here - tilt * tilt / (EIGHT * bend)
+        level[n] = here if abs(bend) <= abs(tilt) else top
 
 
-@njit
+@njit(**EXACT)
 def between(extrema, level, drift, crossed, step):  # type: ignore[no-untyped-def]
     """Middle of the levels that each extremum and the next have half way between them, and half their difference."""
     for n in range(extrema.size - 1):

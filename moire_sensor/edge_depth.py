@@ -5,18 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from moire_sensor.edge_candidates import CandidateRays, Candidates, find_candidates, period_px
-from moire_sensor.edge_confirm import Near, Sides
+from moire_sensor.edge_candidates import CandidateRays, Candidates, period_px
 from moire_sensor.edge_cost import Rules, matching_rules
 from moire_sensor.edge_find import EdgeRows, bright_share, find_edges, room_for_edges
-from moire_sensor.edge_grid import Limits, on_left_grid
+from moire_sensor.edge_grid import Grid, Limits, upper_quartile
 from moire_sensor.edge_input import Image, check_image, check_numbers
-from moire_sensor.edge_match import EdgeMatch, match_edges, room_for_matches, room_for_work
+from moire_sensor.edge_lanes import LANES
+from moire_sensor.edge_light import Sums, room_for_light, window_px
+from moire_sensor.edge_match import EdgeMatch, Tables, room_for_matches, room_for_work
+from moire_sensor.edge_noise import Grey
+from moire_sensor.edge_place import BINS
 from moire_sensor.edge_points import EdgePoints, measure
-from moire_sensor.edge_programme import Work
 from moire_sensor.edge_settings import EdgeSettings
-from moire_sensor.edge_spread import spread_rows
+from moire_sensor.edge_solve import solve_image
 from moire_sensor.pattern import FringePattern
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
@@ -40,14 +43,19 @@ class EdgeRoom:
     right: EdgeRows
     candidates: Candidates
     match: EdgeMatch
-    work: tuple[Sides, Near, Work]
+    tables: Tables
+    levels: Grey
+    sums: Sums
 
     @classmethod
-    def of(cls, image_size: tuple[int, int], rays: CandidateRays, rules: Rules) -> EdgeRoom:
-        """Memory for images (width, height)."""
+    def of(
+        cls, image_size: tuple[int, int], dtype: npt.DTypeLike, rays: CandidateRays, rules: Rules, window_px: int
+    ) -> EdgeRoom:
+        """Memory for images (width, height) of a type."""
         left, right = (room_for_edges(image_size[::-1]) for _ in range(2))
-        work = room_for_work(left.x_px.shape[1], rays.number, rules.same_side_px, image_size[0])
-        return cls(left, right, rays.room(right), room_for_matches(left), work)
+        tables = room_for_work(left.x_px.shape[1], rays.number, rules.same_side_px, image_size[0])
+        light = room_for_light(dtype, image_size[0], window_px)
+        return cls(left, right, rays.room(right), room_for_matches(left), tables, *light)
 
 
 class FringeEdges:
@@ -81,10 +89,11 @@ class FringeEdges:
         disparities = (float(rig.disparity_px(farthest)), float(rig.disparity_px(nearest)))
         self._period_px = period_px(projector, *rig.image_size, 0.5 * sum(disparities))
         self._rays = CandidateRays.build(projector, disparities, rig.image_size)
-        self._rules = matching_rules(disparities, self._period_px, self.settings)
+        self.rules = matching_rules(disparities, self._period_px, self.settings)
         scale, off_px = 255.0 / saturation_level, self.settings.same_side_periods * self._period_px
-        unlit_below = 2.0 * self.settings.min_amplitude / scale
-        self._limits = Limits(self._period_px, off_px, scale, saturation_level, unlit_below)
+        unlit_below, min_run = 2.0 * self.settings.min_amplitude / scale, int(self.settings.min_run)
+        window = window_px(self._period_px)
+        self._limits = Limits(self._period_px, off_px, scale, saturation_level, unlit_below, window, min_run)
 
     def measure(self, left: Image, right: Image, first_step: int = 0) -> EdgeShot:
         """Measure depth at the fringe edges of one exposure; see :func:`fringe_edges`."""
@@ -102,30 +111,34 @@ class FringeEdges:
             check_image(name, image, self.rig)
         # In C order whatever came: the kernels compile anew for every other layout.
         left, right = np.require(left, requirements="C"), np.require(right, requirements="C")
-        room = scratch(("edges", self.rig.image_size, self._rays.number, self._rules.same_side_px), self.room)
+        key = ("edges", self.rig.image_size, self._rays.number, self.rules.same_side_px, left.dtype)
+        room = scratch(key, lambda: self.room(left.dtype))
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
-        self.find((left, right), step_rad, room)
-        self.match(room)
-        edges = (room.left, room.right, room.candidates, room.match)
-        shot = on_left_grid(*edges, left, self._limits, self.rig, step_rad, self.settings.min_run)
-        return shot, room, step_rad
+        self.find((left, right), room)
+        return self.solve(left, step_rad, room), room, step_rad
 
-    def find(self, images: tuple[Image, Image], step_rad: float, room: EdgeRoom) -> None:
-        """Find the edges of both images, and the candidates of the right ones (section 3.3)."""
+    def find(self, images: tuple[Image, Image], room: EdgeRoom) -> None:
+        """Find the edges of both images (section 3.3)."""
         scale = 255.0 / self._saturation_level
         for image, edges in zip(images, (room.left, room.right), strict=True):
             find_edges(image, self.settings, scale, edges)
-        find_candidates(room.right, self._rays, step_rad, bright_share((room.left, room.right)), room.candidates)
 
-    def match(self, room: EdgeRoom) -> None:
-        """Choose the correspondences (section 3.4); rows that are not solved follow their neighbours (conclusion)."""
-        edges = (room.left, room.right, room.candidates, self._rules)
-        match_edges(*edges, self.settings.rows, (room.match, room.work))
-        spread_rows(room.match, *edges, self.settings)
+    def solve(self, left: Image, step_rad: float, room: EdgeRoom) -> Shot:
+        """Points from the edges: candidates, correspondences (section 3.4), depth (equation 9) on the left pixels."""
+        rays, lens = self._rays, (self.rig.fx_px * self.rig.baseline_m, self.rig.disparity_at_infinity_px)
+        up_rad = rays.up_rad(bright_share((room.left, room.right)))
+        grid, counts = Grid.of(left), np.zeros((LANES, BINS + 1), dtype=np.int64)
+        solve_image(
+            room.left, room.right, rays.projector, rays.ends, up_rad, step_rad, room.candidates, self.rules,
+            *room.tables, room.match, left, self._limits, lens, step_rad / (2.0 * np.pi), room.levels, room.sums, grid,
+            counts,
+        )  # fmt: skip
+        off_rad = 2.0 * np.pi / self._limits.period_px * self._limits.off_px
+        return Shot(*grid, typical_mismatch_rad=off_rad * upper_quartile(counts))
 
-    def room(self) -> EdgeRoom:
-        """Return work memory of its own, to be kept between ``find`` and ``match``."""
-        return EdgeRoom.of(self.rig.image_size, self._rays, self._rules)
+    def room(self, dtype: npt.DTypeLike) -> EdgeRoom:
+        """Return work memory of its own, to be kept between ``find`` and ``solve``, for images of a type."""
+        return EdgeRoom.of(self.rig.image_size, dtype, self._rays, self.rules, self._limits.window_px)
 
 
 def fringe_edges(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from moire_sensor.apart import UNCOUNTED
 from moire_sensor.edge_cost import NEAR, in_units, match_cost
 
 # In place of the number of a right edge: there is a match, but two fringe orders fit.
@@ -15,19 +16,22 @@ LEAST_RUN = 8
 NO_SHIFT = np.int32(1 << 30)
 
 
-@njit
+@njit(**UNCOUNTED)
 def doubt_row(partner, right, left, cost, rules, shift):  # type: ignore[no-untyped-def]
     """Mark the runs of a row's matches, neighbours in both images, whose left edges confirm another run as closely.
 
     ``right``, ``left`` and ``cost`` are those of :class:`Near`; ``shift`` (E,) holds meanwhile how far in its row the
-    other right edge lies from the left one.
+    other right edge, the last one if there are more, lies from the left one.
     """
     shift[: partner.size] = NO_SHIFT
-    close = in_units(match_cost(np.float32(NEAR * rules.same_side_px), rules))
-    for near in range(left.size):
+    elsewhere, close = np.int64(0), in_units(match_cost(np.float32(NEAR * rules.same_side_px), rules))
+    for near in range(right.size):
         edge, other = np.int64(left[near]), np.int64(right[near])
-        if cost[near] <= close and partner[edge] != other:
-            shift[edge] = edge - other
+        fits = (cost[near] <= close) & (partner[edge] != other)
+        shift[edge] = min(shift[edge], edge - other) if fits else shift[edge]
+        elsewhere += np.int64(fits)
+    if elsewhere < rules.doubtful_share * LEAST_RUN:
+        return
     start = 0
     for i in range(1, partner.size + 1):
         if i == partner.size or partner[i - 1] < 0 or partner[i] != partner[i - 1] + 1:
@@ -36,11 +40,14 @@ def doubt_row(partner, right, left, cost, rules, shift):  # type: ignore[no-unty
             start = i
 
 
-@njit
+@njit(**UNCOUNTED)
 def most_common(shift):  # type: ignore[no-untyped-def]
     """How often the shift occurs that more than half of the edges have; 0 if there is none."""
     value, votes = NO_SHIFT, 0
     for i in range(shift.size):
         value = shift[i] if votes == 0 else value
         votes += 1 if shift[i] == value else -1
-    return np.sum(shift == value) if value != NO_SHIFT else np.int64(0)
+    number = np.int64(0)
+    for i in range(shift.size):
+        number += np.int64(shift[i] == value)
+    return number if value != NO_SHIFT else np.int64(0)

@@ -4,6 +4,8 @@ The right edges are taken one by one. A match of right edge j with left edge i f
 with i - 1, a match of j - 1 before a run of unmatched left edges, or a match of i - 1 before a run of unmatched right
 ones: order (constraint 2) holds because i and j only grow, and no run in one image meets a run in the other (constraint
 3). Before the first and after the last match both may run. Only matches in the depth range are looked at.
+
+Some rows are solved side by side (edge_abreast), one in each place of a vector of the processor.
 """
 
 from __future__ import annotations
@@ -12,152 +14,240 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import get_thread_id, njit, prange
 
+from moire_sensor.apart import ROW, UNCOUNTED
+from moire_sensor.edge_abreast import fill, find_band, line_up
 from moire_sensor.edge_confirm import confirm, find_near, split_sides
-from moire_sensor.edge_cost import COST, ENDLESS, alike, in_units
+from moire_sensor.edge_cost import COST, EDGE_BITS, ENDLESS, MOST_EDGES, NO_MATCH, in_units, on_path
 from moire_sensor.edge_doubt import doubt_row
-from moire_sensor.edge_lanes import LANES, lane_rows
-
-# A match of i and j has place j 2^12 + i + 1, the start place 0.
-EDGE_BITS = 12
-MOST_EDGES = (1 << EDGE_BITS) - 1
+from moire_sensor.edge_lanes import ABREAST, LANES, block_rows, lane_blocks
+from moire_sensor.edge_spread import follow_rows
 
 
 class Work(NamedTuple):
-    """Tables of the programme, one a lane in the first dimension; E is the most edges of a row.
+    """Tables of the programme, one a thread in the first dimension; E is the most edges of a row.
 
     Attributes
     ----------
-    added : (lanes, E) int64, what a match of left edge i with the right edge at hand adds to J.
-    path : (lanes, E) int64, best path whose last match is that of i with the right edge at hand, or the one before.
-    skipped : (lanes, E + 1) int64, best path whose last match is that of i - 1 with a right edge before the last one.
-    previous : (lanes, E, E) int32, of a match [j, i], the place of the match before it on its best path.
-    shift : (lanes, E) int32, of :func:`doubt_row`.
+    path : (threads, E, rows) int64, best path whose last match is that of i with the right edge at hand, or with the
+        one before.
+    skipped : (threads, E, rows) int64, best path whose last match is that of i - 1 with a right edge before the last.
+    state : (threads, 4, rows) int64, of :func:`extend_paths`.
+    table : (threads, E E + 1, rows) int32, of each match in the band what it adds to J, and once it is looked at the
+        place of the match before it on its best path.
+    least_px : (threads, E) float32, of :func:`settle_row`.
+    shift : (threads, E) int32, of :func:`doubt_row`.
     """
 
-    added: npt.NDArray[np.int64]
     path: npt.NDArray[np.int64]
     skipped: npt.NDArray[np.int64]
-    previous: npt.NDArray[np.int32]
+    state: npt.NDArray[np.int64]
+    table: npt.NDArray[np.int32]
+    least_px: npt.NDArray[np.float32]
     shift: npt.NDArray[np.int32]
 
 
-@njit(parallel=True, cache=True)
-def match_rows(left, right, candidates, rules, every_row, sides, near, work, partner, candidate):  # type: ignore[no-untyped-def]
-    """Match every ``every_row``-th row."""
+@njit(parallel=True, cache=True, error_model="numpy")
+def match_rows(left, right, candidates, rules, sides, near, lefts, rights, band, work, match):  # type: ignore[no-untyped-def]
+    """Match all rows."""
+    height = left.x_px.shape[0]
     for index in prange(LANES):
-        lane = np.int64(index)
-        first, behind = lane_rows(lane, left.x_px.shape[0])
-        # The middle rows of blocks of ``every_row`` rows.
-        offset = (every_row // 2 - first) % every_row
-        for y in range(first + offset, behind, every_row):
-            found = confirm_row(left, right, candidates[y], rules, y, sides, near, lane)
-            end = solve_row(left, right, rules, y, near, work, lane)
-            trace_back(end, left, right, candidates[y], rules, y, work.previous[lane], partner[y], candidate[y])
-            doubt_row(
-                partner[y, : left.number[y]], near.right[lane], near.left[lane, :found], near.cost[lane], rules,
-                work.shift[lane],
-            )  # fmt: skip
+        first, last = lane_blocks(index, height, rules.rows)
+        for block in range(first, last):
+            begin, behind = block_rows(block, height, rules.rows)
+            match_block(begin, behind, left, right, candidates, rules, sides, near, lefts, rights, band, work, match)
 
 
-@njit
-def confirm_row(left, right, columns, rules, y, sides, near, lane):  # type: ignore[no-untyped-def]
-    """The same-side test of row y: which left edges confirm candidates, and what their matches cost; their number."""
-    n, m, reach = left.number[y], right.number[y], np.float32(rules.same_side_px)
-    x_px, height, edge, before = sides.x_px[lane], sides.height[lane], sides.edge[lane], sides.before[lane]
-    column, owner, at = near.column[lane], near.right[lane], near.at[lane]
-    split_sides(left.x_px[y, :n], left.side[y], left.height[y], x_px, height, edge, before)
-    found = find_near(columns, right.side[y], m, reach, x_px, before, column, owner, at, near.first[lane])
-    confirm(right.height[y], rules, x_px, height, edge, column[:found], owner, at, near.left[lane], near.cost[lane])
-    return found
+@njit(error_model="numpy")
+def match_block(begin, behind, left, right, candidates, rules, sides, near, lefts, rights, band, work, match):  # type: ignore[no-untyped-def]
+    """Match a block of rows: every ``rules.rows``-th is solved, the others follow their neighbours."""
+    thread, rows = get_thread_id(), np.arange(begin + rules.rows // 2, behind, rules.rows)
+    if rules.rows > 1:
+        match.partner[begin:behind] = -1
+    m = lay_out(left, right, rules, rows, lefts, rights, band, work, thread)
+    confirm_rows(left, right, candidates.left_x_px, rules, rows, sides, near, band, work, thread)
+    solve_rows(left.number, right.number, m, rules, rows, lefts, rights, band, work, thread)
+    trace_back(work.state[thread, 3], band.cell[thread], work.table[thread], rows, match.partner)
+    settle_rows(left.number, rules, rows, near, work, thread, match.partner, match.candidate)
+    if rules.rows > 1:
+        follow_rows(rows, begin, behind, left, right, candidates, rules, match)
 
 
-@njit
-def solve_row(left, right, rules, y, near, work, lane):  # type: ignore[no-untyped-def]
-    """Run the programme over row y; the place of the last match of the best path."""
+@njit(**UNCOUNTED)
+def lay_out(left, right, rules, rows, lefts, rights, band, work, thread):  # type: ignore[no-untyped-def]
+    """Put some rows side by side, in a table in which all edges agree in their side alone; the most right edges."""
+    lambda_oc, only_side = on_path(in_units(rules.lambda_oc)), in_units(rules.lambda_mat - rules.lambda_r)
+    n = line_up(
+        left.x_px, left.side, left.number, rows, lambda_oc,
+        lefts.x_px[thread], lefts.side[thread], lefts.behind[thread], lefts.least[thread], lefts.most[thread],
+    )  # fmt: skip
+    m = line_up(
+        right.x_px, right.side, right.number, rows, lambda_oc,
+        rights.x_px[thread], rights.side[thread], rights.behind[thread], rights.least[thread], rights.most[thread],
+    )  # fmt: skip
+    cells = find_band(
+        n, m, lefts.least[thread], lefts.most[thread], rights.least[thread], rights.most[thread], rules,
+        band.low[thread], band.high[thread], band.cell[thread],
+    )  # fmt: skip
+    fill(work.table[thread, :1], np.int32(0))
+    fill(work.table[thread, 1:cells], only_side)
+    fill(work.path[thread, :n], ENDLESS)
+    fill(work.skipped[thread, : n + 1], ENDLESS)
+    return m
+
+
+@njit(**UNCOUNTED)
+def confirm_rows(left, right, columns, rules, rows, sides, near, band, work, thread):  # type: ignore[no-untyped-def]
+    """The same-side test: which left edges confirm candidates, and what their matches cost, which goes in the table."""
     # Taken out of the tuples once: numba counts references each time, which would cost more than all the rest.
-    n, m = left.number[y], right.number[y]
-    left_x, left_side = left.x_px[y, :n], left.side[y]
-    right_x, right_side = right.x_px[y, :m], right.side[y]
-    added, path, skipped, previous = work.added[lane], work.path[lane], work.skipped[lane], work.previous[lane]
-    first, confirmed, cost = near.first[lane], near.left[lane], near.cost[lane]
-    lambda_oc, only_side = in_units(rules.lambda_oc), in_units(rules.lambda_mat - rules.lambda_r)
-    path[:n], skipped[: n + 1] = ENDLESS, ENDLESS
-    best = lambda_oc * (np.int64(n > 0) + np.int64(m > 0))
-    low = high = 0
-    for j in range(m):
-        # Before the first left edge nothing is unmatched, and before the first right one neither.
-        skipped[0] = -lambda_oc if j == 0 else 0
-        start = lambda_oc if j == 0 else 2 * lambda_oc
-        low_before = low
-        low, high = band(left_x, right_x[j], rules, low, high)
-        added[low:high] = only_side
-        for number in range(first[j], first[j + 1]):
-            i = confirmed[number]
-            added[i] = min(added[i], cost[number])
-        run, diagonal = leave_behind(path[low_before:low])
-        whole = extend_paths(
-            run, diagonal, start, lambda_oc, (j << EDGE_BITS) + low + 1, left_side[low:high], right_side[j],
-            added[low:high], path[low:high], skipped[low : high + 1], previous[j, low:high],
+    x_px, height, edge, seen = sides.x_px[thread], sides.height[thread], sides.edge[thread], sides.seen[thread]
+    candidates, places, spot, found = near.candidate[thread], near.at[thread], near.spot[thread], near.found[thread]
+    owners, numbers, lefts, aways_px = near.right[thread], near.number[thread], near.left[thread], near.away_px[thread]
+    costs, low, high, cell = near.cost[thread], band.low[thread], band.high[thread], band.cell[thread]
+    left_x, left_side, left_height, left_number = left.x_px, left.side, left.height, left.number
+    right_side, right_height, right_number = right.side, right.height, right.number
+    table, reach = work.table[thread], np.float32(rules.same_side_px)
+    for r in range(rows.size):
+        y = rows[r]
+        candidate, at = candidates[r], places[r]
+        split_sides(left_x[y, : left_number[y]], left_side[y], left_height[y], reach, x_px, height, edge, seen)
+        count = find_near(columns[y], right_side[y], right_number[y], reach, x_px, seen, spot, candidate, at)
+        confirm(
+            columns[y], right_height[y], rules, x_px, height, edge, candidate[:count], at, owners[r], numbers[r],
+            lefts[r], aways_px[r], costs[r],
         )  # fmt: skip
-        whole = min(whole + lambda_oc, path[n - 1] if low < high == n else ENDLESS)
-        best = min(best, whole + (lambda_oc if j < m - 1 else 0))
-    return best & ~COST
+        add_costs(owners[r], lefts[r], costs[r], count, low, high, cell, table, r)
+        found[r] = count
 
 
-@njit
-def band(left_x, right_x, rules, low, high):  # type: ignore[no-untyped-def]
-    """Left edges ``low`` to ``high`` are those in the depth range of a right edge (constraint 1)."""
-    nearest, farthest = np.float32(rules.nearest), np.float32(rules.farthest)
-    while high < left_x.size and left_x[high] - right_x <= nearest:
-        high += 1
-    while low < high and left_x[low] - right_x < farthest:
-        low += 1
-    return low, high
+@njit(**UNCOUNTED)
+def add_costs(right, left, cost, found, low, high, cell, table, r):  # type: ignore[no-untyped-def]
+    """Enter the costs of a row's confirmed matches into its column of the table."""
+    for entry in range(found):
+        j, i = right[entry], left[entry]
+        if cost[entry] < NO_MATCH and low[j] <= i < high[j]:
+            table[cell[j] + i, r] = min(table[cell[j] + i, r], cost[entry])
 
 
-@njit
-def leave_behind(path):  # type: ignore[no-untyped-def]
-    """The best path before a run of left edges, and the one by the last left edge that is now out of range."""
-    run, diagonal = ENDLESS, ENDLESS
-    for i in range(path.size):
-        run, diagonal = min(run, diagonal), path[i]
-    return run, diagonal
+@njit(**UNCOUNTED)
+def solve_rows(left_number, right_number, m, rules, rows, lefts, rights, band, work, thread):  # type: ignore[no-untyped-def]
+    """Run the programme over rows side by side; ``state[3]`` is then the last match of the best path of each."""
+    lambda_oc, state = on_path(in_units(rules.lambda_oc)), work.state[thread]
+    state[3] = 0
+    for r in range(rows.size):
+        y = rows[r]
+        state[3, r] = lambda_oc * (np.int64(left_number[y] > 0) + np.int64(right_number[y] > 0))
+    take_steps(
+        m, lambda_oc, np.float32(rules.farthest), np.float32(rules.nearest), band.low[thread], band.high[thread],
+        band.cell[thread], lefts.x_px[thread], lefts.side[thread], lefts.behind[thread], rights.x_px[thread],
+        rights.side[thread], rights.behind[thread], work.path[thread], work.skipped[thread], state[0], state[1],
+        state[2], state[3], work.table[thread],
+    )  # fmt: skip
 
 
-@njit
-def extend_paths(run, diagonal, start, lambda_oc, place, left_side, side, added, path, skipped, previous):  # type: ignore[no-untyped-def]
+@njit(**ROW)
+def take_steps(  # type: ignore[no-untyped-def]
+    m, lambda_oc, farthest, nearest, low, high, cell, left_x, left_side, left_behind, right_x, right_side, right_behind,
+    path, skipped, run, diagonal, ended, best, table,
+):  # fmt: skip
+    """Match the right edges one by one; ``best`` becomes the best whole path.
+
+    Indices are unsigned, since numba asks of the others whether they are negative.
+    """
+    low_before = np.uint64(0)
+    for j in range(np.uint64(m)):
+        begin, end = np.uint64(low[j]), np.uint64(high[j])
+        # Before the first left edge nothing is unmatched, and before the first right one neither.
+        start = lambda_oc if j == 0 else 2 * lambda_oc
+        for r in range(np.uint64(ABREAST)):
+            skipped[np.uint64(0), r] = -lambda_oc if j == 0 else 0
+        leave_behind(low_before, begin, path, run, diagonal, ended)
+        extend_paths(
+            j, begin, end, np.uint64(cell[j]), start, lambda_oc, farthest, nearest, left_x, left_side, left_behind,
+            right_x, right_side, path, skipped, run, diagonal, ended, table,
+        )  # fmt: skip
+        for r in range(np.uint64(ABREAST)):
+            skipped[end, r] = min(skipped[end, r], diagonal[r])
+            best[r] = min(best[r], ended[r] + right_behind[j, r])
+        low_before = begin
+
+
+@njit(inline="always")
+def leave_behind(low_before, low, path, run, diagonal, ended):  # type: ignore[no-untyped-def]
+    """Best path before a run of left edges, the one by the last left edge that is now out of range; no end as yet."""
+    for r in range(np.uint64(ABREAST)):
+        run[r], diagonal[r], ended[r] = ENDLESS, ENDLESS, ENDLESS
+    for i in range(low_before, low):
+        for r in range(np.uint64(ABREAST)):
+            run[r], diagonal[r] = min(run[r], diagonal[r]), path[i, r]
+
+
+@njit(inline="always")
+def extend_paths(  # type: ignore[no-untyped-def]
+    j, low, high, cell, start, lambda_oc, farthest, nearest, left_x, left_side, left_behind, right_x, right_side, path,
+    skipped, run, diagonal, ended, table,
+):  # fmt: skip
     """Match right edge j with the left edges ``low`` to ``high``, each after the path before it that costs least.
 
-    Returns the best path that so ends; ``start`` is J where the first match is behind the first left edge.
+    ``ended`` becomes the best path that so ends; ``start`` is J where the first match is behind the first left edge.
     """
-    best = ENDLESS
-    for i in range(path.size):
-        ended, extended = path[i], ENDLESS
-        if left_side[i] == side:
-            past = min(min(min(skipped[i], run) + lambda_oc, start), diagonal) + added[i]
-            previous[i] = past & ~COST
-            extended = (past & COST) | (place + i)
-            best = min(best, extended)
-        path[i] = extended
-        skipped[i] = min(skipped[i], diagonal)
-        run, diagonal = min(run, diagonal), ended
-    skipped[path.size] = min(skipped[path.size], diagonal)
-    return best
+    for i in range(low, high):
+        place = np.int64((j << np.uint64(EDGE_BITS)) + i + np.uint64(1))
+        for r in range(np.uint64(ABREAST)):
+            before, last = path[i, r], skipped[i, r]
+            disparity = left_x[i, r] - right_x[j, r]
+            fits = (disparity >= farthest) & (disparity <= nearest) & (left_side[i, r] == right_side[j, r])
+            past = min(min(min(last, run[r]) + lambda_oc, start), diagonal[r]) + on_path(table[cell + i, r])
+            table[cell + i, r] = np.int32(past & ~COST)
+            extended = (past & COST) | place if fits else ENDLESS
+            path[i, r] = extended
+            ended[r] = min(ended[r], extended + left_behind[i, r])
+            skipped[i, r] = min(last, diagonal[r])
+            run[r] = min(run[r], diagonal[r])
+            diagonal[r] = before
 
 
-@njit
-def trace_back(place, left, right, candidates, rules, y, previous, partner, candidate):  # type: ignore[no-untyped-def]
-    """Walk from the last match of row y to the first and write down the correspondences."""
-    left_x, left_side, left_height = left.x_px[y], left.side[y], left.height[y]
-    right_side, right_height = right.side[y], right.height[y]
-    while place > 0:
-        j, i = (place - 1) >> EDGE_BITS, (place - 1) & MOST_EDGES
-        if alike(left_side[i], left_height[i], right_side[j], right_height[j], rules):
-            least = np.float32(rules.same_side_px)
-            for number in range(candidates.shape[0]):
-                distance = abs(candidates[number, j] - left_x[i])
-                if distance <= least:
-                    partner[i], candidate[i], least = j, number, distance
-        place = np.int64(previous[j, i])
+@njit(**UNCOUNTED)
+def trace_back(best, cell, table, rows, partner):  # type: ignore[no-untyped-def]
+    """Walk from the last match of each row to the first and write them down; a step in all rows at a time."""
+    for r in range(rows.size):
+        partner[rows[r]] = -1
+        best[r] &= ~COST
+    walking = rows.size
+    while walking > 0:
+        walking = 0
+        for r in range(rows.size):
+            place = best[r]
+            if place > 0:
+                j, i = (place - 1) >> EDGE_BITS, (place - 1) & MOST_EDGES
+                partner[rows[r], i] = j
+                best[r] = table[cell[j] + i, r]
+                walking += 1
+
+
+@njit(**UNCOUNTED)
+def settle_rows(numbers, rules, rows, near, work, thread, partner, candidate):  # type: ignore[no-untyped-def]
+    """Keep the matches that are correspondences, with the nearest candidate, and mark the doubtful ones."""
+    rights, lefts, number, found = near.right[thread], near.left[thread], near.number[thread], near.found[thread]
+    costs, aways_px = near.cost[thread], near.away_px[thread]
+    least_px, shift = work.least_px[thread], work.shift[thread]
+    for r in range(rows.size):
+        y = rows[r]
+        n, count = numbers[y], found[r]
+        least_px[:n] = np.float32(rules.same_side_px)
+        keep(partner[y, :n], rights[r, :count], lefts[r], number[r], costs[r], aways_px[r], least_px, candidate[y])
+        doubt_row(partner[y, :n], rights[r, :count], lefts[r], costs[r], rules, shift)
+
+
+@njit(**UNCOUNTED)
+def keep(partner, right, left, number, cost, away_px, least_px, candidate):  # type: ignore[no-untyped-def]
+    """Keep the matches of a row that a candidate confirms, and note which: the nearest one."""
+    candidate[: partner.size] = -1
+    for entry in range(right.size):
+        i, away = left[entry], away_px[entry]
+        nearest = (partner[i] == right[entry]) & (cost[entry] < NO_MATCH) & (away <= least_px[i])
+        candidate[i] = number[entry] if nearest else candidate[i]
+        least_px[i] = away if nearest else least_px[i]
+    for i in range(partner.size):
+        partner[i] = partner[i] if candidate[i] >= 0 else -1

@@ -3,25 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
-from moire_sensor.edge_candidates import Candidates
-from moire_sensor.edge_cost import Rules, alike
-from moire_sensor.edge_find import EdgeRows
-from moire_sensor.edge_match import EdgeMatch
-from moire_sensor.edge_settings import EdgeSettings
-
-
-def spread_rows(
-    match: EdgeMatch, left: EdgeRows, right: EdgeRows, candidates: Candidates, rules: Rules, settings: EdgeSettings
-) -> None:
-    """Follow the correspondences of every ``settings.rows``-th row up and down, a row at a time, to the rows between.
-
-    An edge takes over the match of the next row's edge of the same side, at most ``follow_px`` away, if it is so in
-    both images and the two edges confirm the same fringe. What lies wholly between two solved rows stays unknown.
-    """
-    if settings.rows > 1:
-        follow_rows(settings.rows, left, right, candidates, rules, settings.follow_px, match)
+from moire_sensor.apart import EXACT
+from moire_sensor.edge_cost import alike
 
 
 @njit(inline="always")
@@ -42,7 +27,7 @@ def nearest_edge(x_px, side, columns, sides, count, first, within_px):  # type: 
 
 
 @njit
-def follow_row(y, source, left, right, candidates, rules, follow_px, match):  # type: ignore[no-untyped-def]
+def follow_row(y, source, left, right, candidates, rules, match):  # type: ignore[no-untyped-def]
     """Take over in row y the correspondences of row ``source``."""
     left_x, left_side, left_height = left.x_px[y], left.side[y], left.height[y]
     right_x, right_side, right_height = right.x_px[y], right.side[y], right.height[y]
@@ -57,8 +42,8 @@ def follow_row(y, source, left, right, candidates, rules, follow_px, match):  # 
         old = old_partner[number]
         if old < 0:
             continue
-        i, first_l = nearest_edge(old_left[number], sides[number], left_x, left_side, count_l, first_l, follow_px)
-        j, first_r = nearest_edge(old_right[old], sides[number], right_x, right_side, count_r, first_r, follow_px)
+        i, first_l = nearest_edge(old_left[number], sides[number], left_x, left_side, count_l, first_l, rules.follow_px)
+        j, first_r = nearest_edge(old_right[old], sides[number], right_x, right_side, count_r, first_r, rules.follow_px)
         if i < 0 or j < 0 or not rules.farthest <= left_x[i] - right_x[j] <= rules.nearest:
             continue
         if alike(left_side[i], left_height[i], right_side[j], right_height[j], rules):
@@ -69,32 +54,63 @@ def follow_row(y, source, left, right, candidates, rules, follow_px, match):  # 
                     partner[i], candidate[i] = j, confirmed
 
 
-@njit(parallel=True, cache=True)
-def follow_rows(rows, left, right, candidates, rules, follow_px, match):  # type: ignore[no-untyped-def]
-    """From each solved row upwards and downwards, half way to the next solved row."""
-    height = left.x_px.shape[0]
-    middle = rows // 2
-    for block in prange((height - middle + rows - 1) // rows):
-        solved = middle + np.int64(block) * rows
-        below = height if solved + rows >= height else solved + rows - middle
-        for y in range(solved - 1, solved - middle - 1, -1):
-            follow_row(y, y + 1, left, right, candidates, rules, follow_px, match)
-        for y in range(solved + 1, below):
-            follow_row(y, y - 1, left, right, candidates, rules, follow_px, match)
+@njit
+def follow_rows(rows, begin, behind, left, right, candidates, rules, match):  # type: ignore[no-untyped-def]
+    """From each solved row follow its correspondences up and down, half way to the next solved row.
+
+    An edge takes over the match of the next row's edge of the same side, at most ``follow_px`` away, if it is so in
+    both images and the two edges confirm the same fringe. What lies wholly between two solved rows stays unknown.
+    """
+    for number in range(rows.size):
+        first = begin if number == 0 else rows[number] - rules.rows // 2
+        last = behind if number == rows.size - 1 else rows[number + 1] - rules.rows // 2
+        for y in range(rows[number] - 1, first - 1, -1):
+            follow_row(y, y + 1, left, right, candidates, rules, match)
+        for y in range(rows[number] + 1, last):
+            follow_row(y, y - 1, left, right, candidates, rules, match)
 
 
 @njit
-def drop_loners(partner, candidate, half_order, number, min_run):  # type: ignore[no-untyped-def]
+def drop_loners(partner, candidate, half_order, min_run, joined, kept):  # type: ignore[no-untyped-def]
     """Drop the correspondences of a row outside runs of ``min_run`` or more, which step by one edge in both images and
-    by one fringe edge on the projector."""
-    start = 0
-    for i in range(1, number + 1):
-        joined = i < number and partner[i - 1] >= 0 and partner[i] == partner[i - 1] + 1
-        if joined:
-            before, here = partner[i - 1], partner[i]
-            step = half_order[here] - half_order[before] + 2 * (candidate[i] - candidate[i - 1])
-            joined = abs(step) == 1
-        if not joined:
-            if i - start < min_run:
-                partner[start:i] = -1
-            start = i
+    by one fringe edge on the projector. ``joined`` and ``kept`` are memory, (E,) int32 each."""
+    if min_run == 1:
+        return
+    n = partner.size
+    kept[:n] = 0
+    if n >= min_run:
+        mark_joined(partner[:-1], partner[1:], candidate, half_order, joined)
+        for length in range(2, min_run):
+            shorten(joined, n - length)
+        for step in range(min_run):
+            keep(joined[: n - min_run + 1], kept[step:])
+    drop(kept, partner)
+
+
+@njit(**EXACT)
+def mark_joined(before, here, candidate, half_order, joined):  # type: ignore[no-untyped-def]
+    """1 where the match of the next edge goes on that of an edge, else 0."""
+    for i in range(here.size):
+        step = half_order[max(here[i], 0)] - half_order[max(before[i], 0)] + 2 * (candidate[i + 1] - candidate[i])
+        joined[i] = (before[i] >= 0) & (here[i] == before[i] + 1) & (abs(step) == 1)
+
+
+@njit
+def shorten(joined, size):  # type: ignore[no-untyped-def]
+    """Keep a 1 only where the next one is 1 too."""
+    for i in range(np.uint64(size)):
+        joined[i] &= joined[i + np.uint64(1)]
+
+
+@njit(**EXACT)
+def keep(joined, kept):  # type: ignore[no-untyped-def]
+    """Mark edges where the run does that starts so many before."""
+    for i in range(joined.size):
+        kept[i] |= joined[i]
+
+
+@njit(**EXACT)
+def drop(kept, partner):  # type: ignore[no-untyped-def]
+    """Drop the matches that are not kept."""
+    for i in range(partner.size):
+        partner[i] = partner[i] if kept[i] != 0 else np.int32(-1)

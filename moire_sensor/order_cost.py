@@ -98,14 +98,14 @@ def fill_costs(  # type: ignore[no-untyped-def]
     left, right, amplitude, left_i, right_i, left_rad, right_rad, px_per_part, map_, first, rows, limits, slopes,
     floats, parts, found, found_words, nearest, pairs, chunks, columns, mismatches, rivals, rival_words, costs, cost,
 ):  # fmt: skip
-    """Fill ``cost`` of the rows, each worker with lines of its own."""
+    """Fill ``cost`` of the rows, each worker some that follow each other, with memory of its own."""
     width, workers, labels = left.shape[1], floats.shape[0], columns.shape[1]
     strips = cost.shape[0]
     for number in prange(workers):
         worker = np.int64(number)
         line, seen = floats[worker], parts[worker, 0, : width + ENTRIES]
         part = parts[worker, 1, :width]
-        for index in range(worker, rows.size, workers):
+        for index in range(worker * rows.size // workers, (worker + 1) * rows.size // workers):
             y = rows[index]
             add_offset(left_rad[min(y, left_rad.shape[0] - 1)], left[y], line[0])
             copy_seen(right[y], seen)

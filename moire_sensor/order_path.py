@@ -100,7 +100,7 @@ def fill_steps(offset, rows, lines, across, down):  # type: ignore[no-untyped-de
         worker = np.int64(number)
         line = lines[worker]
         steps = line.reshape(line.size)
-        for index in range(worker, rows.size, workers):
+        for index in range(worker * rows.size // workers, (worker + 1) * rows.size // workers):
             here = offset[rows[index]]
             steps[0] = ANEW
             steps_between(here[1:], here[:-1], steps[1:width])

@@ -19,6 +19,7 @@ def demodulate(  # type: ignore[no-untyped-def]
 ):
     """Fill all but sigma: squares that the fit leaves over, drift as phasor (along, cross), status if saturated.
 
+    Where there is one moment only, nothing tells of drift, and its phasor is not filled.
     ``bend`` tells what the second harmonic of gamma adds to each residue, per amplitude: it is no noise.
     """
     for row in prange(frames.shape[1]):
@@ -49,10 +50,11 @@ def demodulate_row(  # type: ignore[no-untyped-def]
         if share != 0.0:
             take_away(even, odd, share.real, share.imag, real)
         add_square(real, squares)
-    cross[:] = 0.0
-    along[:] = 0.0
-    filtered(frames, y, filters[3], before[0])
-    filtered(frames, y, filters[4], before[1])
+    if moments > 1:
+        cross[:] = 0.0
+        along[:] = 0.0
+        filtered(frames, y, filters[3], before[0])
+        filtered(frames, y, filters[4], before[1])
     for index in range(5, 3 + 2 * moments, 2):
         filtered(frames, y, filters[index], after[0])
         filtered(frames, y, filters[index + 1], after[1])
@@ -147,25 +149,36 @@ def brighter(values, brightest):  # type: ignore[no-untyped-def]
 
 
 @njit(parallel=True, cache=True, **FAST)
-def judge_steps(amplitude, variance, cross, along, gain2, min_amplitude, max_motion_rad, offset, sigma, status):  # type: ignore[no-untyped-def]
+def judge_steps(  # type: ignore[no-untyped-def]
+    moments, amplitude, variance, cross, along, gain2, min_amplitude, max_motion_rad, offset, sigma, status
+):
     """Fill sigma and status from the blurred sums, and take the phase away where the status says so.
 
     With two moments a fast drift is overrated: tan of it is tan(e) / cos(e) for a drift e and four steps.
     """
     for row in prange(amplitude.shape[0]):
         y = np.int64(row)
-        judge_row(amplitude[y], cross[y], along[y], min_amplitude, max_motion_rad, status[y])
+        mark_dark(amplitude[y], min_amplitude, status[y])
+        if moments > 1:
+            mark_moved(cross[y], along[y], max_motion_rad, status[y])
         noise_row(amplitude[y], variance[y], gain2, sigma[y])
         hide_row(status[y], offset[y])
 
 
 @njit(**FAST)
-def judge_row(amplitude, cross, along, min_amplitude, max_motion_rad, status):  # type: ignore[no-untyped-def]
-    """Status of each pixel, which holds SATURATED where that is known; else UNLIT comes before MOVED."""
+def mark_dark(amplitude, min_amplitude, status):  # type: ignore[no-untyped-def]
+    """UNLIT where it is dark and not known to be SATURATED."""
     for x in range(status.size):
-        moved = MOVED if abs(fast_atan2(cross[x], along[x])) > max_motion_rad else OK
-        found = moved if amplitude[x] > min_amplitude else DARK
+        found = OK if amplitude[x] > min_amplitude else DARK
         status[x] = FULL if status[x] == FULL else found
+
+
+@njit(**FAST)
+def mark_moved(cross, along, max_motion_rad, status):  # type: ignore[no-untyped-def]
+    """MOVED where it drifts too fast and nothing else is known."""
+    for x in range(status.size):
+        found = MOVED if abs(fast_atan2(cross[x], along[x])) > max_motion_rad else OK
+        status[x] = found if status[x] == OK else status[x]
 
 
 @njit(**FAST)

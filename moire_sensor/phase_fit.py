@@ -17,7 +17,7 @@ from numba import njit
 from moire_sensor.angles import fast_atan2
 from moire_sensor.apart import FAST, LEAF_FAST
 from moire_sensor.phase_planes import AMPLITUDE, OFFSET, PLANES, UNUSABLE, VARIANCE, finish_row
-from moire_sensor.phase_sums import ONE, ZERO, add_row, sum_windows
+from moire_sensor.phase_sums import ONE, ZERO, add_row, move_rows, sum_windows
 
 Float32 = npt.NDArray[np.float32]
 
@@ -84,10 +84,10 @@ def margin(half_width):  # type: ignore[no-untyped-def]
 
 @njit(**LEAF_FAST)
 def start_columns(image, carrier, y, work):  # type: ignore[no-untyped-def]
-    """Sums down the columns, ready for the windows centred on row y."""
+    """Sums down the columns for the windows centred on the row above y, without the rows that the image has not."""
     work.columns[:] = ZERO
-    for row in range(y - carrier.half_height, min(y + carrier.half_height, image.shape[0])):
-        add_row(work.columns, image[row], cos_of(carrier, row), sin_of(carrier, row), ONE)
+    for row in range(max(y - carrier.half_height - 1, 0), min(y + carrier.half_height, image.shape[0])):
+        add_row(work.columns, image[row], cos_of(carrier, row), sin_of(carrier, row))
 
 
 @njit(**LEAF_FAST)
@@ -98,17 +98,22 @@ def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
         planes[VARIANCE, y % rows] = UNUSABLE
         planes[AMPLITUDE, y % rows] = ZERO
         return
-    below, above = y + carrier.half_height, y - carrier.half_height
+    below, above = y + carrier.half_height, y - carrier.half_height - 1
     samples = (2 * carrier.half_width + 1) * (2 * carrier.half_height + 1)
     start = margin(carrier.half_width) + carrier.half_width
-    add_row(work.columns, image[below], cos_of(carrier, below), sin_of(carrier, below), ONE)
+    if above < 0:
+        add_row(work.columns, image[below], cos_of(carrier, below), sin_of(carrier, below))
+    else:
+        move_rows(
+            work.columns, image[below], cos_of(carrier, below), sin_of(carrier, below), image[above],
+            cos_of(carrier, above), sin_of(carrier, above),
+        )  # fmt: skip
     sum_windows(work.columns, 2 * carrier.half_width + 1, work.sums)
     if carrier.table_rows.size > 1:
         between_rows(carrier.table_rows, carrier.table, y, work.constants)
     cos, sin = cos_of(carrier, y), sin_of(carrier, y)
     fit_row(work.sums, cos, sin, work.constants, carrier.half_width, samples, work.fits, planes, y % rows, start)
     finish_row(work.constants, carrier.half_width, samples, work.fits, planes, y % rows, start)
-    add_row(work.columns, image[above], cos_of(carrier, above), sin_of(carrier, above), -ONE)
 
 
 @njit(**LEAF_FAST)

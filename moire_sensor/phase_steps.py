@@ -183,12 +183,13 @@ def phase_from_steps(
     else:
         cv2.blur(squares, (NOISE_WINDOW_PX, NOISE_WINDOW_PX), dst=sigma)
         np.divide(sigma, np.float32(steps.freedom), out=squares)
+    moments = steps.moments.shape[0]
     # Averaged over a fringe period, since what motion error the moments have turns twice in it.
-    for part in (cross, along):
+    for part in (cross, along) if moments > 1 else ():
         cv2.blur(part, (2 * carrier.half_width_px + 1, 1), dst=part)
     gain2 = np.float32(0.5 * (steps.weights[1:] ** 2).sum())
     judge_steps(
-        amplitude, squares, cross, along, gain2, np.float32(settings.min_amplitude),
+        moments, amplitude, squares, cross, along, gain2, np.float32(settings.min_amplitude),
         np.float32(settings.max_motion_rad), offset, sigma, status,
     )  # fmt: skip
     return PhaseImage(offset, amplitude, background, sigma, status)

@@ -14,17 +14,30 @@ TWO, THREE = np.float32(2.0), np.float32(3.0)
 
 
 @njit(**LEAF_FAST)
-def add_row(columns, values, cos, sin, sign):  # type: ignore[no-untyped-def]
+def add_row(columns, values, cos, sin):  # type: ignore[no-untyped-def]
     """Add one image row to the sums of I, I^2, I cos, I sin down each column."""
     ones, squares, in_cos, in_sin = columns[0], columns[1], columns[2], columns[3]
     for x in range(values.size):
         value = values[x] - MIDDLE
-        ones[x] += sign * value
-        squares[x] += sign * value * value
+        ones[x] += value
+        squares[x] += value * value
     for x in range(values.size):
-        in_cos[x] += sign * (values[x] - MIDDLE) * cos[x]
+        in_cos[x] += (values[x] - MIDDLE) * cos[x]
+        in_sin[x] += (values[x] - MIDDLE) * sin[x]
+
+
+@njit(**LEAF_FAST)
+def move_rows(columns, values, cos, sin, old, old_cos, old_sin):  # type: ignore[no-untyped-def]
+    """Add one image row to the sums and take another away."""
+    ones, squares, in_cos, in_sin = columns[0], columns[1], columns[2], columns[3]
     for x in range(values.size):
-        in_sin[x] += sign * (values[x] - MIDDLE) * sin[x]
+        value, gone = values[x] - MIDDLE, old[x] - MIDDLE
+        ones[x] += value - gone
+        squares[x] += value * value - gone * gone
+    for x in range(values.size):
+        value, gone = values[x] - MIDDLE, old[x] - MIDDLE
+        in_cos[x] += value * cos[x] - gone * old_cos[x]
+        in_sin[x] += value * sin[x] - gone * old_sin[x]
 
 
 @njit(**LEAF_FAST)

@@ -13,7 +13,7 @@ from moire_sensor.edge_cost import NEAR, TIE_BREAK, matching_rules
 from moire_sensor.edge_find import EdgeRows
 from moire_sensor.edge_match import EdgeMatch, match_edges
 from moire_sensor.edge_settings import EdgeSettings
-from moire_sensor.edge_spread import drop_loners, spread_rows
+from moire_sensor.edge_spread import drop_loners
 
 RANGE_PX = (50.0, 150.0)
 PERIOD_PX = 16.6652
@@ -38,7 +38,7 @@ Edges = list[tuple[float, int]]
 
 def matched(left: EdgeRows, right: EdgeRows, candidates: Candidates, settings: EdgeSettings | None = None) -> EdgeMatch:
     settings = settings or EdgeSettings()
-    return match_edges(left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings), settings.rows)
+    return match_edges(left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings))
 
 
 def slow_unlike(left: tuple[float, int], right: tuple[float, int], candidates: list[float], s: EdgeSettings) -> float:
@@ -152,7 +152,7 @@ def test_company_asks_for_neighbours_of_the_next_fringe_edge() -> None:
 
     def kept(min_run: int) -> list[bool]:
         partner = match.partner[0].copy()
-        drop_loners(partner, match.candidate[0], candidates.half_order[0], 5, min_run)
+        drop_loners(partner, match.candidate[0], candidates.half_order[0], min_run, *np.empty((2, 5), dtype=np.int32))
         return [bool(number >= 0) for number in partner]
 
     assert kept(1) == [True] * 5
@@ -170,8 +170,6 @@ def test_rows_between_follow_edges_that_drift_and_stop_where_they_end() -> None:
     truth = candidates_at([[[x + 100.0] for x, _ in row] for row in rows_r])
     left, right = edge_rows(rows_l), edge_rows(rows_r)
     match = matched(left, right, truth, settings)
-    assert [y for y in range(10) if (match.partner[y] >= 0).any()] == [2, 7]
-    spread_rows(match, left, right, truth, matching_rules(RANGE_PX, PERIOD_PX, settings), settings)
     assert match.partner[:9].tolist() == [list(range(6))] * 9
     assert match.partner[9, :3].tolist() == [0, 1, 2]
     assert np.all(match.partner[9, 3:] == -1)
@@ -185,5 +183,4 @@ def test_a_followed_edge_must_confirm_the_same_fringe() -> None:
     columns = [[[x] for x, _ in row]] * 2
     candidates = candidates_at(columns, [[0, 3, 2], [0, 1, 2]])
     match = matched(left, right, candidates, settings)
-    spread_rows(match, left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings), settings)
     assert match.partner.tolist() == [[0, -1, 2], [0, 1, 2]]

@@ -18,7 +18,7 @@ EXPOSURES = 2 * 60 * 30
 
 
 def test_two_minutes_of_sets_at_30_hz_lose_none_and_keep_memory_flat() -> None:
-    options = ("--exposures", str(EXPOSURES), "--rate-hz", "1000", "--scale", "0.2")
+    options = ("--exposures", str(EXPOSURES), "--rate-hz", "0", "--scale", "0.2")
     command = [sys.executable, "-m", "tools.soak", *options]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=HANG_S)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -2,7 +2,7 @@
 
     .venv/bin/python -m tools.soak --scale 0.5                    # 30 minutes of 320x240 at 30 Hz
     .venv/bin/python -m tools.soak --minutes 2 --rate-hz 10       # 640x480 from the virtual head
-    .venv/bin/python -m tools.soak --exposures 3600 --rate-hz 1000 --scale 0.2     # as fast as they are taken
+    .venv/bin/python -m tools.soak --exposures 3600 --rate-hz 0 --scale 0.2     # as fast as they are taken
 
 With ``--scale`` the exposures are pictures made once (tools/still_head.py), so that the machine's time is the
 reconstruction's; where it cannot keep up, that head waits, and the rate says so. Prints a line every ten seconds

@@ -173,7 +173,7 @@ def start_head(case: LatencyCase, exposures: int, log: Path) -> NodeProcess:
     if case.rate_hz is not None:
         head = (scene, f"rate_hz:={case.rate_hz}", f"frames:={exposures}", "wait_for_subscribers:=2")
         return NodeProcess.start("virtual_head", head, log)
-    still = (scene, "rate_hz:=1000.0", f"exposures:={exposures}", "ahead:=2", "wait_for_subscribers:=2")
+    still = (scene, "rate_hz:=0.0", f"exposures:={exposures}", "ahead:=2", "wait_for_subscribers:=2")
     return NodeProcess.run([sys.executable, "-m", "tools.still_head"], still, log)
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numba import get_num_threads, set_num_threads
 
 from moire_sensor.edge_depth import FringeEdges, fringe_edges
-from moire_sensor.edge_match import EdgeMatch
+from moire_sensor.edge_match import EdgeMatch, match_edges
 from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.paper_rig import paper_pattern
 from moire_sensor.rig import StereoRig
@@ -103,14 +103,11 @@ def processor_times_ms(capture: HeadCapture, rows: Sequence[int], repeats: int) 
 def matching(capture: HeadCapture, rows: int) -> Callable[[], EdgeMatch]:
     """Return the matching of a capture's edges as a job of its own: dynamic programme and propagation."""
     method = FringeEdges(capture.rig, capture.pattern, DEPTH_RANGE_M, EdgeSettings(rows=rows))
-    room = method.room()
-    method.find((capture.left, capture.right), 0.0, room)
-
-    def match() -> EdgeMatch:
-        method.match(room)
-        return room.match
-
-    return match
+    room = method.room(capture.left.dtype)
+    method.find((capture.left, capture.right), room)
+    method.solve(capture.left, 0.0, room)
+    edges = room.left, room.right, room.candidates
+    return lambda: match_edges(*edges, method.rules, (room.match, room.tables))
 
 
 def draw_times(results: Sequence[SpeedUp], path: Path) -> None:
