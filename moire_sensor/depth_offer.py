@@ -18,8 +18,8 @@ NO_CLAIM = np.float32(-1e9)
 LEAST_POWER = np.float32(0.2)
 # A plane is moved by what the row says if that is more than noise, and given up beyond the largest move.
 MOVE_PX, LARGEST_MOVE_PX = np.float32(0.3), np.float32(0.8)
-# A plane carried further along the row than this must be matched better than a tenth of a pixel.
-NEAR_PX, FAR_VARIANCE = 14, np.float32(0.01)
+# A plane carried further along the row than this must be matched to a seventh of a pixel.
+NEAR_PX, FAR_VARIANCE = 14, np.float32(0.02)
 # Light that the plane promises may be missing by this share of the fringe amplitude; a shadow lacks more.
 DIM_SHARE = np.float32(0.7)
 GLARE_SHARE = np.float32(0.4)

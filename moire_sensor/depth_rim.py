@@ -10,10 +10,10 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.angles import wrap
+from moire_sensor.apart import BARE
 from moire_sensor.depth_offer import cos
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import JUMP_PX
-from moire_sensor.depth_window import BARE
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap, phase_of_disparity

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -56,6 +57,11 @@ class Score:
     ghost_share: float
     covisible_share: float
     completeness_away: float = float("nan")
+
+    @property
+    def right_share(self) -> float:
+        """Share of the co-visible pixels that have a depth within 1 px: a wrong answer does not complete a picture."""
+        return self.completeness * (1.0 - (0.0 if math.isnan(self.outlier_share) else self.outlier_share))
 
 
 def score(shot: HasDepth, capture: HeadCapture) -> Score:

@@ -45,8 +45,8 @@ def values(truth: HeadCapture, depth: np.ndarray) -> dict[str, float]:
 
 def test_the_truth_is_perfect_where_it_can_be_seen(truth: HeadCapture) -> None:
     found = values(truth, np.where(truth.covisible, truth.depth_m, np.nan))
-    assert found["completeness"] == found["completeness_away"] == 1.0
-    assert all(found[name] == 0.0 for name in found if not name.startswith("completeness"))
+    shares = ("completeness", "completeness_away", "right_share")
+    assert all(found[name] == (1.0 if name in shares else 0.0) for name in found)
 
 
 def test_a_known_error_missing_pixels_and_ghosts_are_counted_as_such(truth: HeadCapture) -> None:
@@ -59,6 +59,8 @@ def test_a_known_error_missing_pixels_and_ghosts_are_counted_as_such(truth: Head
     missing = truth.covisible[200:300].sum()
     assert found["completeness"] == pytest.approx(1.0 - missing / truth.covisible.sum())
     assert found["outlier_share"] == pytest.approx(truth.covisible[:100].sum() / (truth.covisible.sum() - missing))
+    right = truth.covisible.sum() - missing - truth.covisible[:100].sum()
+    assert found["right_share"] == pytest.approx(right / truth.covisible.sum())
     assert found["ghost_share"] == pytest.approx((~truth.covisible[400:]).sum() / truth.covisible.size)
     # Half a pixel at 1 m is B f / d^2 / 2 = 4.25 mm, scaled by the depth's square; 1 % for the error's curvature.
     scale = 1.0 / (truth.rig.fx_px * truth.rig.baseline_m)

@@ -20,6 +20,7 @@ from tools.bench.tables import Table, number, percent
 FIGURES = (
     ("completeness", "complete %", True, 5e-4),
     ("completeness_away", "complete away %", True, 5e-4),
+    ("right_share", "right %", True, 5e-4),
     ("outlier_share", "off > 1 px %", False, 5e-4),
     ("outlier_share_away", "away from edges %", False, 5e-4),
     ("outlier_share_near", "near edges %", False, 5e-4),

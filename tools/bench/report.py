@@ -46,6 +46,8 @@ OpenCV's own fringe patterns (structured_light) are not in the OpenCV package th
 How to read the figures. Complete: share of the pixels lit and seen by both cameras that have a depth, and of those
 away from edges; "poles alone": of the pixels that show a pole. Off: share of
 these depths off by more than 1 px of disparity; "near edges" is up to 10 px from a jump of depth or a border of light.
+Right: share of the pixels lit and seen by both cameras that have a depth within 1 px; what a method fills with wrong
+depths counts for "complete" and not for "right".
 Median: median depth error scaled to 1 m by the square of the depth. Ghosts: share of all pixels that have a depth
 where none is to be had, off by more than 3 px.
 """
@@ -54,7 +56,11 @@ AHEAD_NOTE = (
     "Every figure in which a peer does better than `dense` or `phase_shift`, by more than 0.05 % or 0.005 mm;"
     " the asterisk marks who is behind."
 )
-SCENE_NOTE = "Default conditions; the pictures at the end show where the errors are."
+SCENE_NOTE = (
+    "Default conditions; the pictures at the end show where the errors are. A surface that turns from the light is"
+    " dimmer: fringes have 44 grey levels on slope_1.2, 58 on waves and 61 on both tilts instead of 70, and the noise"
+    " floor of four steps at a single pixel, 0.33 mm at 70 grey levels, is 0.53, 0.40 and 0.38 mm there."
+)
 CONDITION_NOTE = (
     "Means over all scenes (median: the median of the scenes' medians). Square waves and the projector's gamma do not"
     " exist for dots, which are bright or dark: compare with the default."
