@@ -1,8 +1,12 @@
 """Fringe projection with two cameras: dense metric depth from one exposure."""
 
+from pathlib import Path
+
 from moire_sensor.capture_folder import Capture, read_capture
 from moire_sensor.errors import CaptureError, ImageError, MoireError, PatternError, RigError, SettingsError
+from moire_sensor.kernel_cache import forget_outdated
 from moire_sensor.pattern import FringePattern
+from moire_sensor.phase_demodulate import demodulate
 from moire_sensor.reconstructor import METHODS, Reconstructor
 from moire_sensor.rectify import RectifiedPair, rectify_pair
 from moire_sensor.rig import StereoRig
@@ -28,3 +32,5 @@ __all__ = [
     "read_capture",
     "rectify_pair",
 ]
+
+forget_outdated(demodulate, Path(__file__).parent)
