@@ -21,18 +21,17 @@ from moire_sensor.settings import Settings
 
 # What a surface is like is read so many pixels behind its edge, beyond which windows hardly straddle it.
 BEHIND_PX = 3
+# A single grey level tells nothing where fringes are weaker than this many times the noise.
+LEAST_SIGMAS = np.float32(20.0)
 # Two surfaces must promise grey levels so many times the noise apart; of that gap the pixel may differ by a share from
 # the nearer one, and lie so far from the other.
 APART_SIGMAS = np.float32(8.0)
-# A single grey level tells nothing where fringes are weaker than this many times the noise.
-LEAST_SIGMAS = np.float32(20.0)
 MIXED_SHARE, MOST_BEYOND = np.float32(0.4), np.float32(1.3)
 # A surface alone must keep its promise within this share of its amplitude, and be brighter than its own shadow by it.
 PROMISE_SHARE = np.float32(0.25)
 # Albedo and slope may make a surface's edge dimmer or brighter than what lies behind.
 LEAST_SHADE, MOST_SHADE = np.float32(0.3), np.float32(1.5)
 HALF = np.float32(0.5)
-ROUNDS = 1
 # The sigma of a pixel that only one camera speaks for.
 SIGMA_PX = np.float32(0.35)
 
@@ -42,16 +41,15 @@ def close_rims(match: Match, left: Float32, phase: PhaseImage, projector: Projec
 
     Parameters
     ----------
-    match : disparities, NaN where unknown; a pixel given has as mismatch the difference of its grey level from the
-        promised one in fringe amplitudes, a sigma of half a pixel, and no signed mismatch.
+    match : disparities, NaN where unknown; a pixel given has as mismatch half the share by which its grey level differs
+        from the promised one, of the gap to the other surface or else of the amplitude, the sigma ``SIGMA_PX``, and no
+        signed mismatch.
     left : grey levels (H, W) float32.
     phase : the left phase, whose amplitude and background tell how bright a surface is.
     """
     noise = np.float32(settings.image_noise)
-    known = np.empty_like(match.disparity_px)
-    for _ in range(ROUNDS):
-        np.copyto(known, match.disparity_px)
-        fill_rims(known, left, phase.background, phase.amplitude, projector.packed(), noise, *match.images())
+    known = match.disparity_px.copy()
+    fill_rims(known, left, phase.background, phase.amplitude, projector.packed(), noise, *match.images())
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
@@ -112,7 +110,10 @@ def cos_at(map_, x, y, disparity):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **BARE)
 def given(known, left, background, amplitude, map_, noise, y, x):  # type: ignore[no-untyped-def]
-    """Disparity that an unknown pixel is given (NaN: none), and its difference in amplitudes."""
+    """Disparity that an unknown pixel is given (NaN: none), and its difference as a mismatch.
+
+    Of two surfaces above and below one another none is given: a face seen at a grazing angle may lie between.
+    """
     grey = left[y, x]
     nan, off = np.float32(np.nan), np.float32(np.inf)
     best, level, bright, dark, along_row = nan, nan, nan, nan, False
@@ -135,8 +136,8 @@ def given(known, left, background, amplitude, map_, noise, y, x):  # type: ignor
                 if not along_row and side > 1:
                     return nan, nan
                 gap, rival = abs(other - level), other
-    if rival != rival:
-        kept = grey - dark > PROMISE_SHARE * bright and off <= PROMISE_SHARE * bright
-        return (best, HALF * off / bright) if kept else (nan, nan)
-    kept = gap >= APART_SIGMAS * noise and off <= MIXED_SHARE * gap and abs(grey - rival) <= MOST_BEYOND * gap
-    return (best, HALF * off / gap) if kept else (nan, nan)
+    if rival == rival:
+        kept = gap >= APART_SIGMAS * noise and off <= MIXED_SHARE * gap and abs(grey - rival) <= MOST_BEYOND * gap
+        return (best, HALF * off / gap) if kept else (nan, nan)
+    kept = grey - dark > PROMISE_SHARE * bright and off <= PROMISE_SHARE * bright
+    return (best, HALF * off / bright) if kept else (nan, nan)
