@@ -122,7 +122,8 @@ def test_means_over_scenes_and_the_list_of_defeats(truth: HeadCapture) -> None:
     own_share = truth.covisible[:240].sum() / truth.covisible.sum()
     assert by_method["dense"] == pytest.approx((own_share + 1.0) / 2.0)
     table = not_ahead("", "", "scene", scene_rows(records), ["peer"])
-    assert [row[:2] for row in table.rows] == [("one", "complete %"), ("one", "complete away %")]
+    figures = ("complete %", "complete away %", "right %")
+    assert [row[:2] for row in table.rows] == [("one", figure) for figure in figures]
     assert table.rows[0][2].endswith(" *")
     assert table.rows[0][3:] == ("100.00", "100.00", "peer")
     text = score_table("title", "note", "scene", scene_rows(records)).as_markdown()

@@ -38,16 +38,17 @@ def test_every_exposure_becomes_depth_that_is_right(
     results = EXPOSURES if steps == 1 else EXPOSURES - 4
     sensor = running("reconstruction", f"method:={method}", "reliable_input:=true", "queue_depth:=50", number=number)
     head = running("virtual_head", f"scene:={scene}", f"phase_steps:={steps}", f"seed:={SEED}", "rate_hz:=10",
-                   f"frames:={EXPOSURES}", "wait_for_subscribers:=1", number=number)  # fmt: skip
+                   f"frames:={EXPOSURES}", "wait_for_subscribers:=2", number=number)  # fmt: skip
     with ros_node("listener") as node, sensor:
         listener = Listener(node)
-        for topic in (DEPTH, TRUTH):
+        # The head waits for what is listened to last, and so knows of the truth's listener, too.
+        for topic in (DEPTH, TRUTH, "left/image_raw", "right/image_raw"):
             listener.listen(topic, Image)
+        listener.listen("projector/state", JointState)
         listener.wait(lambda: node.count_publishers(DEPTH) > 0, "the reconstruction")
         with head:
             listener.wait(lambda: len(listener.received[DEPTH]) >= results, f"{results} depth images")
             depths, truths = listener.received[DEPTH], listener.received[TRUTH]
-            # The truth is not waited for, so the first ones may have gone before it was connected.
             listener.answer(TRUTH, stamp_of(depths[-1]))
     check_depths(scene, method, steps, [pixels(message) for message in depths])
     check_truth(scene, truths)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
@@ -18,6 +19,9 @@ from moire_sensor.ros.sensor_cache import Calibration, SensorCache
 from moire_sensor.ros.shot_facts import shot_facts
 from moire_sensor.shot import Shot
 from moire_sensor.view_alignment import measure_alignment
+
+# Pixels at an edge that one camera's grey level alone, or a bridge, gave a depth are less certain than this.
+MEASURED_PX = 0.3
 
 
 @dataclass(frozen=True)
@@ -85,8 +89,15 @@ def alignment_facts(job: Job, result: Result, cache: SensorCache) -> dict[str, A
     left, right = cache.pair(job.calibration).rectify(*grey_pair(frame.item, job.calibration))
     pattern, _ = pattern_of((frame.state,))
     sensor = result.sensor
-    found = measure_alignment(sensor.rig, pattern, left, right, result.shot.depth_m, sensor.depth_range_m)
+    found = measure_alignment(sensor.rig, pattern, left, right, measured_m(result), sensor.depth_range_m)
     return {"row offset px": found.row_offset_px, "period error": found.period_error}
+
+
+def measured_m(result: Result) -> npt.NDArray[np.float32]:
+    """Depth of the pixels that both cameras measured, NaN where one alone or a neighbour told it."""
+    shot, rig = result.shot, result.sensor.rig
+    sigma_px = shot.depth_sigma_m * (rig.fx_px * rig.baseline_m) / shot.depth_m**2
+    return np.where(sigma_px < MEASURED_PX, shot.depth_m, np.float32(np.nan))
 
 
 def grey_pair(exposure: Exposure, calibration: Calibration) -> tuple[GreyImage, GreyImage]:
