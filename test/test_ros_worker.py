@@ -161,3 +161,27 @@ def test_a_smaller_queue_holds_less_from_the_next_job_on() -> None:
     assert pushed_out == [5]
     go_on.set()
     assert worker.stop(10.0)
+
+
+def test_a_burst_loses_no_more_than_what_does_not_fit() -> None:
+    started, go_on, last = Event(), Event(), Event()
+    done: list[int] = []
+    pushed_out: list[int] = []
+
+    def work(job: int) -> None:
+        started.set()
+        assert go_on.wait(TIMEOUT_S)
+        done.append(job)
+        if job == 13:
+            last.set()
+
+    worker: Worker[int] = Worker(work, pushed_out.append, 10)
+    worker.submit(0)
+    assert started.wait(TIMEOUT_S)
+    for job in range(1, 14):
+        worker.submit(job)
+    go_on.set()
+    assert last.wait(TIMEOUT_S)
+    assert worker.stop(10.0)
+    assert done == [0, *range(4, 14)]
+    assert sum(pushed_out) == 3

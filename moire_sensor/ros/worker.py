@@ -12,10 +12,10 @@ Job = TypeVar("Job")
 
 
 class Worker(Generic[Job]):
-    """Run ``work(job)`` in a thread, in order; when more wait than may, all but the newest are superseded.
+    """Run ``work(job)`` in a thread, in order; when more wait than may, the oldest are superseded.
 
-    From then on only the newest waits, until the thread has caught up: with more work than it can do, a longer queue
-    would make every result later and none more.
+    After as many of these as may wait, the thread is behind: only the newest waits until it has caught up. With more
+    work than it can do, a longer queue would make every result later and none more.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Worker(Generic[Job]):
         self._waiting: deque[Job] = deque()
         self._changed = Condition()
         self._busy = False
-        self._behind = False
+        self._lost = 0
         self._stopped = False
         self._thread = Thread(target=self._run, name="reconstruction", daemon=True)
         self._thread.start()
@@ -68,8 +68,10 @@ class Worker(Generic[Job]):
         """Queue a job; never blocks."""
         with self._changed:
             self._waiting.append(job)
-            self._behind = self._behind or len(self._waiting) > self._queue_depth
-            pushed_out = len(self._waiting) - 1 if self._behind else 0
+            pushed_out = max(len(self._waiting) - self._queue_depth, 0)
+            self._lost += pushed_out
+            if self._lost >= self._queue_depth:
+                pushed_out = len(self._waiting) - 1
             for _ in range(pushed_out):
                 self._waiting.popleft()
             self._changed.notify_all()
@@ -120,7 +122,7 @@ class Worker(Generic[Job]):
         while True:
             with self._changed:
                 self._busy = False
-                self._behind = self._behind and bool(self._waiting)
+                self._lost = self._lost if self._waiting else 0
                 self._changed.notify_all()
                 self._changed.wait_for(lambda: self._stopped or bool(self._waiting))
                 if self._stopped:
