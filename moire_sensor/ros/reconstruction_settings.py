@@ -40,8 +40,8 @@ SPECS = (
     ParameterSpec(
         "queue_depth",
         2,
-        "sets that may wait while one is worked on; the oldest give way, and after as many all but the newest, until the"
-        " node has caught up",
+        "sets that may wait while one is worked on; the oldest give way, and after as many all but the newest, until"
+        " the node has caught up",
         1,
         1000,
     ),
