@@ -58,10 +58,16 @@ def plane_offered(disparity, y, x, y0, x0):  # type: ignore[no-untyped-def]
 @njit(**BARE)
 def lit_so(grey, background, bright, map_, x, y, disparity, noise):  # type: ignore[no-untyped-def]
     """Whether a grey level is what the projector puts on the plane, but for a shade or a glare."""
-    phase, _ = phase_of_disparity(map_, x, y, disparity)
-    lacks = background + bright * cos(wrap(np.float32(phase))) - grey
+    lacks = background + bright * fringe_cos(map_, x, y, disparity) - grey
     doubt = np.float32(3.0) * noise
     return -(GLARE_SHARE * bright + doubt) <= lacks <= DIM_SHARE * bright + doubt
+
+
+@njit(forceinline=True, **BARE)
+def fringe_cos(map_, x, y, disparity):  # type: ignore[no-untyped-def]
+    """Cosine of the fringes' phase on a left pixel of a disparity."""
+    phase, _ = phase_of_disparity(map_, x, y, disparity)
+    return cos(wrap(np.float32(phase)))
 
 
 @njit(forceinline=True, **BARE)

@@ -9,14 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.angles import wrap
 from moire_sensor.apart import BARE
-from moire_sensor.depth_offer import cos
+from moire_sensor.depth_offer import fringe_cos
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import JUMP_PX
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
-from moire_sensor.projector_map import ProjectorMap, phase_of_disparity
+from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
 # What a surface is like is read so many pixels behind its edge, beyond which windows hardly straddle it.
@@ -94,18 +93,11 @@ def promised(known, left, background, amplitude, map_, y, x, edge):  # type: ign
     slope = step / np.float32(BEHIND_PX)
     y2, x2 = min(max(y0 + down, 0), height - 1), min(max(x0 + right, 0), width - 1)
     dim, bright = background[y1, x1], max(amplitude[y1, x1], np.float32(1.0))
-    inside = dim + bright * cos_at(map_, x2, y2, here + slope)
+    inside = dim + bright * fringe_cos(map_, x2, y2, here + slope)
     shade = min(max(left[y2, x2] / max(inside, np.float32(1.0)), LEAST_SHADE), MOST_SHADE)
     here -= slope
-    level = shade * (dim + bright * cos_at(map_, x, y, here))
+    level = shade * (dim + bright * fringe_cos(map_, x, y, here))
     return here, level, shade * bright, shade * (dim - bright)
-
-
-@njit(forceinline=True, **BARE)
-def cos_at(map_, x, y, disparity):  # type: ignore[no-untyped-def]
-    """Cosine of the fringes' phase on a left pixel of a disparity."""
-    phase, _ = phase_of_disparity(map_, x, y, disparity)
-    return cos(wrap(np.float32(phase)))
 
 
 @njit(forceinline=True, **BARE)
