@@ -14,6 +14,8 @@ from moire_sensor.depth_trust import JUMP_PX
 
 # A run of so many pixels, with the same surface so many rows above and below, is no accident; it is looked for so far.
 LEAST_RUN_PX, UPRIGHT_PX, LOOK_PX = 4, 6, 8
+# Steps smaller than this are noise on one steep surface.
+STEP_PX = np.float32(3.0)
 NO_RUN = -1
 
 
@@ -50,7 +52,7 @@ def first_of_another(disparity, y, x, step):  # type: ignore[no-untyped-def]
         if not 0 <= column < width:
             return NO_RUN
         found = disparity[y, column]
-        if not np.isnan(found) and not abs(found - disparity[y, x]) < JUMP_PX:
+        if not np.isnan(found) and not abs(found - disparity[y, x]) < STEP_PX:
             return column
     return NO_RUN
 
@@ -62,7 +64,7 @@ def run_from(disparity, y, first, step, trusted):  # type: ignore[no-untyped-def
     length, at, holds = 1, first, first == trusted
     while length < LEAST_RUN_PX or not holds:
         at += step
-        if not 0 <= at < width or not abs(disparity[y, at] - disparity[y, at - step]) < JUMP_PX:
+        if not 0 <= at < width or not abs(disparity[y, at] - disparity[y, at - step]) < STEP_PX:
             break
         holds |= at == trusted
         length += 1
