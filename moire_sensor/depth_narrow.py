@@ -13,7 +13,7 @@ from moire_sensor.apart import BARE
 from moire_sensor.depth_trust import JUMP_PX
 
 # A run of so many pixels, with the same surface so many rows above and below, is no accident; it is looked for so far.
-LEAST_RUN_PX, UPRIGHT_PX, LOOK_PX = 4, 6, 8
+LEAST_RUN_PX, UPRIGHT_PX, LOOK_PX = 4, 10, 8
 # Steps smaller than this are noise on one steep surface.
 STEP_PX = np.float32(3.0)
 NO_RUN = -1

@@ -20,7 +20,7 @@ from moire_sensor.settings import Settings
 Mask = npt.NDArray[np.bool_]
 NOISE = 1.5
 AMPLITUDE, BACKGROUND = 70.0, 90.0
-RIM, JUMP = fit.RIM_PX, depth_trust.JUMP_PX
+RIM, JUMP, STEP = fit.RIM_PX, depth_trust.JUMP_PX, depth_narrow.STEP_PX
 PROJECTOR = ProjectorMap.build(paper_rig(), paper_pattern())
 
 
@@ -195,11 +195,11 @@ def slow_runs(disparity: Float32, trust: Mask, y: int, x: int) -> list[tuple[int
     for step in (-1, 1):
         line = [float(disparity[y, at]) for at in (range(x, width) if step > 0 else range(x, -1, -1))]
         reliable = [bool(trust[y, x + step * away]) for away in range(len(line))]
-        other = [away for away, d in enumerate(line) if away and np.isfinite(d) and not abs(d - line[0]) < JUMP]
+        other = [away for away, d in enumerate(line) if away and np.isfinite(d) and not abs(d - line[0]) < STEP]
         if not other or other[0] > depth_narrow.LOOK_PX:
             continue
         first = end = other[0]
-        while end + 1 < len(line) and abs(line[end + 1] - line[end]) < JUMP:
+        while end + 1 < len(line) and abs(line[end + 1] - line[end]) < STEP:
             end += 1
         rows = [max(y - depth_narrow.UPRIGHT_PX, 0), min(y + depth_narrow.UPRIGHT_PX, height - 1)]
         upright = all(abs(disparity[row, x + step * first] - line[first]) < JUMP for row in rows)
