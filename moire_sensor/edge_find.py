@@ -10,6 +10,7 @@ import numpy.typing as npt
 from numba import njit
 
 from moire_sensor.edge_crossing import DOWN, HALF, UP
+from moire_sensor.edge_lanes import LANES, whole_vectors
 from moire_sensor.edge_noise import Grey, camera_noise
 from moire_sensor.edge_scan import SMOOTHING, scan_rows
 from moire_sensor.edge_settings import EdgeSettings
@@ -43,7 +44,7 @@ class EdgeRows(NamedTuple):
 
 def room_for_edges(shape: tuple[int, int]) -> EdgeRows:
     """Memory for the edges of an image (H, W): extrema are at least two pixels apart."""
-    size = (shape[0], shape[1] // 2 + 2)
+    size = (shape[0], whole_vectors(shape[1] // 2 + 1))
     x_px, height, sigma_px = (np.empty(size, dtype=np.float32) for _ in range(3))
     return EdgeRows(x_px, np.empty(size, dtype=np.int8), height, sigma_px, np.zeros(shape[0], dtype=np.int64))
 
@@ -60,7 +61,9 @@ def find_edges(image: Grey, settings: EdgeSettings, scale: float = 1.0, room: Ed
     edges = room_for_edges(image.shape) if room is None else room  # type: ignore[arg-type]
     noise = camera_noise(image, scale)
     amplitude = max(settings.min_amplitude, settings.min_amplitude_to_noise * noise)
-    scan_rows(image, np.float32(scale), np.float32(2.0 * amplitude), np.float32(EDGE_NOISE * noise), edges)
+    # Sixteen times the greatest grey level fits.
+    sums = np.empty((LANES, image.shape[1]), dtype=np.int16 if image.dtype == np.uint8 else np.int32)
+    scan_rows(image, sums, scale, 2.0 * amplitude, np.float32(EDGE_NOISE * noise), edges)
     return edges
 
 
