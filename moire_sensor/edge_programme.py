@@ -18,7 +18,7 @@ from numba import get_thread_id, njit, prange
 
 from moire_sensor.apart import ROW, UNCOUNTED
 from moire_sensor.edge_abreast import fill, find_band, line_up
-from moire_sensor.edge_confirm import confirm, find_near, split_sides
+from moire_sensor.edge_confirm import find_near, split_sides
 from moire_sensor.edge_cost import COST, EDGE_BITS, ENDLESS, MOST_EDGES, NO_MATCH, in_units, on_path
 from moire_sensor.edge_doubt import doubt_row
 from moire_sensor.edge_lanes import ABREAST, LANES, block_rows, lane_blocks
@@ -102,7 +102,7 @@ def confirm_rows(left, right, columns, rules, rows, sides, near, band, work, thr
     """The same-side test: which left edges confirm candidates, and what their matches cost, which goes in the table."""
     # Taken out of the tuples once: numba counts references each time, which would cost more than all the rest.
     x_px, height, edge, seen = sides.x_px[thread], sides.height[thread], sides.edge[thread], sides.seen[thread]
-    candidates, places, spot, found = near.candidate[thread], near.at[thread], near.spot[thread], near.found[thread]
+    at, found, column, entries = near.at[thread], near.found[thread], near.column[thread], near.entries[thread]
     owners, numbers, lefts, aways_px = near.right[thread], near.number[thread], near.left[thread], near.away_px[thread]
     costs, low, high, cell = near.cost[thread], band.low[thread], band.high[thread], band.cell[thread]
     left_x, left_side, left_height, left_number = left.x_px, left.side, left.height, left.number
@@ -110,21 +110,18 @@ def confirm_rows(left, right, columns, rules, rows, sides, near, band, work, thr
     table, reach = work.table[thread], np.float32(rules.same_side_px)
     for r in range(rows.size):
         y = rows[r]
-        candidate, at = candidates[r], places[r]
-        split_sides(left_x[y, : left_number[y]], left_side[y], left_height[y], reach, x_px, height, edge, seen)
-        count = find_near(columns[y], right_side[y], right_number[y], reach, x_px, seen, spot, candidate, at)
-        confirm(
-            columns[y], right_height[y], rules, x_px, height, edge, candidate[:count], at, owners[r], numbers[r],
-            lefts[r], aways_px[r], costs[r],
+        none = split_sides(left_x[y, : left_number[y]], left_side[y], left_height[y], reach, x_px, height, edge, seen)
+        entries[r] = find_near(
+            columns[y], right_side[y], right_height[y], right_number[y], none, rules, x_px, height, edge, seen, at,
+            found, column, owners[r], numbers[r], lefts[r], aways_px[r], costs[r],
         )  # fmt: skip
-        add_costs(owners[r], lefts[r], costs[r], count, low, high, cell, table, r)
-        found[r] = count
+        add_costs(owners[r], lefts[r], costs[r], entries[r], low, high, cell, table, r)
 
 
 @njit(**UNCOUNTED)
-def add_costs(right, left, cost, found, low, high, cell, table, r):  # type: ignore[no-untyped-def]
+def add_costs(right, left, cost, entries, low, high, cell, table, r):  # type: ignore[no-untyped-def]
     """Enter the costs of a row's confirmed matches into its column of the table."""
-    for entry in range(found):
+    for entry in range(entries):
         j, i = right[entry], left[entry]
         if cost[entry] < NO_MATCH and low[j] <= i < high[j]:
             table[cell[j] + i, r] = min(table[cell[j] + i, r], cost[entry])
@@ -229,12 +226,12 @@ def trace_back(best, cell, table, rows, partner):  # type: ignore[no-untyped-def
 @njit(**UNCOUNTED)
 def settle_rows(numbers, rules, rows, near, work, thread, partner, candidate):  # type: ignore[no-untyped-def]
     """Keep the matches that are correspondences, with the nearest candidate, and mark the doubtful ones."""
-    rights, lefts, number, found = near.right[thread], near.left[thread], near.number[thread], near.found[thread]
+    rights, lefts, number, entries = near.right[thread], near.left[thread], near.number[thread], near.entries[thread]
     costs, aways_px = near.cost[thread], near.away_px[thread]
     least_px, shift = work.least_px[thread], work.shift[thread]
     for r in range(rows.size):
         y = rows[r]
-        n, count = numbers[y], found[r]
+        n, count = numbers[y], entries[r]
         least_px[:n] = np.float32(rules.same_side_px)
         keep(partner[y, :n], rights[r, :count], lefts[r], number[r], costs[r], aways_px[r], least_px, candidate[y])
         doubt_row(partner[y, :n], rights[r, :count], lefts[r], costs[r], rules, shift)
