@@ -16,7 +16,7 @@ CLIPPING_ROUNDS = 8
 # Variance of a normal distribution over its variance within three standard deviations.
 CLIPPED_SHARE = 1.0 / 0.9733
 # Counted apart and added up, so that no two threads write to one count; the turns are those of :func:`count_row`.
-LANES, TURNS = 8, 4
+LANES, TURNS = 8, 8
 
 
 def camera_noise(image: Grey, scale: float = 1.0) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.edge_find import EdgeRows
+from moire_sensor.edge_lanes import whole_vectors
 from moire_sensor.paper_rig import (
     CX_PX,
     IMAGE_SIZE,
@@ -49,7 +50,7 @@ def rigs_under_test() -> dict[str, StereoRig]:
 
 def edge_rows(rows: list[list[tuple[float, int]]], height: float = 50.0) -> EdgeRows:
     """Edges given as (column, side), row by row."""
-    most = max([1, *(len(row) for row in rows)])
+    most = whole_vectors(max([1, *(len(row) for row in rows)]))
     x_px = np.full((len(rows), most), np.nan, dtype=np.float32)
     side = np.zeros(x_px.shape, dtype=np.int8)
     for y, row in enumerate(rows):
