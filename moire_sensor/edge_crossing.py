@@ -37,7 +37,9 @@ def mark_edges(row, extrema, number, reals, wholes, edge_noise, x_px, side, heig
     fetch_extrema(row, extrema, number, first, here, second)
     extremum_levels(first, here, second, vectors, level)
     fill_rises(extrema, extrema[2:], level, level[2:], number, rise)
-    between(extrema, extrema[1:], level, level[1:], rise, rise[1:], rise[2:], rise[3:], vectors, crossed, height, column)
+    between(
+        extrema, extrema[1:], level, level[1:], rise, rise[1:], rise[2:], rise[3:], vectors, crossed, height, column
+    )
     fetch_pairs(row, column, pairs, first, second)
     guess_crossings(here, here[1:], crossed, first, second, vectors, column)
     fetch_pairs(row, column, pairs, first, second)

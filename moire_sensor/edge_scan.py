@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.apart import EXACT
-from moire_sensor.edge_crossing import REALS, WHOLES, mark_edges
+from moire_sensor.apart import EXACT, UNCOUNTED
+from moire_sensor.edge_crossing import DOWN, REALS, UP, WHOLES, mark_edges
 from moire_sensor.edge_lanes import LANES, TOGETHER, lane_rows
 
 SMOOTHING = (1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0)
@@ -18,22 +18,29 @@ SMOOTHING = (1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0)
 WEIGHT = 16.0
 # Smoothing and the parabola of an extremum each reach two pixels to either side.
 BORDER_PX = 4
+# The bright share of the fringes is the same all over the image: some rows tell it well enough.
+SHARE_ROWS = 4
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
-def scan_rows(image, sums, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
-    """Fill ``edges`` (EdgeRows) from an image (H, W) whose grey levels times ``scale`` are those of 255.
+def scan_rows(left, right, sums, scale, contrasts, edge_noises, left_edges, right_edges):  # type: ignore[no-untyped-def]
+    """Fill the edges (EdgeRows) of both images (H, W), whose grey levels times ``scale`` are those of 255.
 
-    ``sums`` (LANES, W) is memory for whole numbers of 16 times the greatest grey level.
+    ``sums`` (2, LANES, W) is memory for whole numbers of 16 times the greatest grey level.
     """
-    for lane in prange(LANES):
-        scan_lane(image, lane, sums[lane], scale, contrast, edge_noise, edges)
+    for index in prange(2 * LANES):
+        lane = index % LANES
+        if index < LANES:
+            scan_lane(left, lane, sums[0, lane], scale, contrasts[0], edge_noises[0], left_edges)
+        else:
+            scan_lane(right, lane, sums[1, lane], scale, contrasts[1], edge_noises[1], right_edges)
 
 
 @njit(error_model="numpy")
 def scan_lane(image, lane, sums, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
     """Fill the rows of a lane."""
-    x_px, side, height, sigma_px = edges.x_px, edges.side, edges.height, edges.sigma_px
+    x_px, side, height, sigma_px, edge_number = edges.x_px, edges.side, edges.height, edges.sigma_px, edges.number
+    shares, whole_fringes = edges.shares, edges.whole_fringes
     width, most = image.shape[1], x_px.shape[1] + TOGETHER
     smooth, turning = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.uint8)
     turns, extrema = np.empty(width + 1, dtype=np.int32), np.full(most, BORDER_PX, dtype=np.int32)
@@ -44,9 +51,22 @@ def scan_lane(image, lane, sums, scale, contrast, edge_noise, edges):  # type: i
         scale_sums(sums, np.float32(scale / WEIGHT), smooth)
         turns_found = mark_turns(sums, turning, turns)
         found = mark_extrema(sums, turns[:turns_found], apart, extrema)
-        edges.number[y] = mark_edges(
-            smooth, extrema, found, reals, wholes, edge_noise, x_px[y], side[y], height[y], sigma_px[y]
-        )
+        number = mark_edges(smooth, extrema, found, reals, wholes, edge_noise, x_px[y], side[y], height[y], sigma_px[y])
+        edge_number[y] = number
+        if y % SHARE_ROWS == 0:
+            at = y // SHARE_ROWS
+            whole_fringes[at] = fill_shares(x_px[y, :number], side[y], shares[at])
+
+
+@njit(**UNCOUNTED)
+def fill_shares(x, side, shares):  # type: ignore[no-untyped-def]
+    """Bright share of each whole fringe of a row, up edge to down edge to the next up edge; their number."""
+    number = np.int64(0)
+    for i in range(2, x.size):
+        up, down, again = x[i - 2], x[i - 1], x[i]
+        shares[number] = (down - up) / (again - up)
+        number += np.int64((side[i - 2] == UP) & (side[i - 1] == DOWN) & (side[i] == UP))
+    return number
 
 
 @njit
@@ -65,7 +85,8 @@ def sum_taps(image, sums):  # type: ignore[no-untyped-def]
 def add_taps(first, second, third, fourth, fifth, sums):  # type: ignore[no-untyped-def]
     """16 times the weighted sum of five neighbours."""
     for x in range(sums.size):
-        sums[x] = first[x] + fifth[x] + 4 * (second[x] + fourth[x]) + 6 * third[x]
+        outer, inner = np.int32(first[x]) + np.int32(fifth[x]), np.int32(second[x]) + np.int32(fourth[x])
+        sums[x] = outer + 4 * inner + 6 * np.int32(third[x])
 
 
 @njit(**EXACT)

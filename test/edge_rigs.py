@@ -58,7 +58,8 @@ def edge_rows(rows: list[list[tuple[float, int]]], height: float = 50.0) -> Edge
             x_px[y, number], side[y, number] = x, up
     heights = np.full(x_px.shape, height, dtype=np.float32)
     counts = np.array([len(row) for row in rows], dtype=np.int64)
-    return EdgeRows(x_px, side, heights, np.full(x_px.shape, 0.05, dtype=np.float32), counts)
+    sigma_px, shares = np.full(x_px.shape, 0.05, dtype=np.float32), np.zeros((0, most), dtype=np.float32)
+    return EdgeRows(x_px, side, heights, sigma_px, counts, shares, np.zeros(0, dtype=np.int64))
 
 
 def random_edges(generator: np.random.Generator, first: float, last: float, count: int) -> list[tuple[float, int]]:
