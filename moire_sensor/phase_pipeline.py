@@ -13,6 +13,7 @@ from moire_sensor.depth_bridge import bridge
 from moire_sensor.depth_check import drop_rivals, drop_slivers, without_specks
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
+from moire_sensor.depth_phantom import drop_phantoms
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.depth_rim import close_rims
 from moire_sensor.depth_shot import drop_out_of_range, results
@@ -162,6 +163,7 @@ class PhasePipeline:
             drop_slivers(match.disparity_px, way.least_run_px)
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
         if self._by_stereo:
+            drop_phantoms(match, greys, phases[0].amplitude, self._projector, self.settings)
             extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
             bridge(match, greys, phases[0].amplitude, self._rad_per_px, self.settings)
             close_rims(match, greys[0], phases[0], self._projector, self.settings)

@@ -1,0 +1,143 @@
+"""Phantoms: a strip of a far surface that one camera sees alone, matched to a strip that the other sees alone.
+
+Both show the same fringes, so phase, projector and grey levels agree, and a narrow post seems to stand where nothing
+is. But in the left image the fringes run on from the far surface into the strip as if there were no edge, which they
+do by chance for one real edge in a dozen; and where the far surface would be seen on the right, it is seen, or
+something nearer stands. Such a strip is left unknown.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from moire_sensor.angles import wrap
+from moire_sensor.apart import BARE, NAN_SAFE
+from moire_sensor.depth_refine import Match
+from moire_sensor.phase_carrier import Float32
+from moire_sensor.projector_map import ProjectorMap, phase_of_disparity
+from moire_sensor.settings import Settings
+
+# The widest phantom, the widest gap between it and the far surface, how much nearer it lies, pixels.
+MOST_PX, GAP_PX, STEP_PX = 24, 24, np.float32(3.0)
+# How well the fringes run on, and the share of a strip that the far surface explains.
+RUNS_ON_RAD, EXPLAINED = np.float32(0.5), np.float32(0.8)
+# Noise of a difference of grey levels, sigmas; the share of the amplitude that shading makes of it; the share up to
+# which a difference tells anything.
+SIGMAS, SHADING_SHARE, TELLING_SHARE = np.float32(3.0), np.float32(0.1), np.float32(0.25)
+NOTHING = np.float32(-1e9)
+
+
+def drop_phantoms(
+    match: Match, greys: tuple[Float32, Float32], amplitude: Float32, projector: ProjectorMap, settings: Settings
+) -> None:
+    """Set the disparities of phantoms to NaN in place.
+
+    Parameters
+    ----------
+    match : disparities, NaN where unknown.
+    greys : left, and right with the grey levels of the left, (H, W) float32.
+    amplitude : fringe amplitude of the left image (H, W).
+    """
+    noise = np.float32(SIGMAS * np.sqrt(2.0) * settings.image_noise)
+    drop_of_rows(match.disparity_px, *greys, amplitude, projector.packed(), noise)
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, error_model="numpy", cache=True)
+def drop_of_rows(disparity, left, right, amplitude, map_, noise):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`drop_phantoms`: runs of a row one by one."""
+    height, width = disparity.shape
+    for row in prange(height):
+        y = np.int64(row)
+        line = disparity[y]
+        starts, ends = np.empty(width, dtype=np.int64), np.empty(width, dtype=np.int64)
+        count = find_runs(line, starts, ends)
+        nearest = np.full(width, NOTHING, dtype=np.float32)
+        claimed = False
+        for run in range(count):
+            if ends[run] - starts[run] > MOST_PX:
+                continue
+            for other in (run - 1, run + 1):
+                if not 0 <= other < count or not may_hide(line, starts, ends, run, other):
+                    continue
+                far, near = (ends[other] - 1, starts[run]) if other < run else (starts[other], ends[run] - 1)
+                if not runs_on(map_, line, y, starts[run], ends[run], line[far]):
+                    continue
+                if not claimed:
+                    fill_nearest(line, nearest)
+                    claimed = True
+                views = left[y], right[y], amplitude[y, near]
+                if is_explained(views, nearest, starts[run], ends[run], line[far], noise):
+                    line[starts[run] : ends[run]] = np.float32(np.nan)
+                    break
+
+
+@njit(**BARE)
+def find_runs(line, starts, ends):  # type: ignore[no-untyped-def]
+    """Fill the first columns of runs without holes and steps, and the columns behind them; return how many."""
+    count, x = 0, 0
+    while x < line.size:
+        if np.isnan(line[x]):
+            x += 1
+            continue
+        starts[count] = x
+        x += 1
+        while x < line.size and abs(line[x] - line[x - 1]) < STEP_PX:
+            x += 1
+        ends[count] = x
+        count += 1
+    return count
+
+
+@njit(forceinline=True, **BARE)
+def may_hide(line, starts, ends, run, other):  # type: ignore[no-untyped-def]
+    """Whether a run lies before a wider one close by."""
+    gap = starts[run] - ends[other] if other < run else starts[other] - ends[run]
+    far = line[ends[other] - 1] if other < run else line[starts[other]]
+    wider = ends[other] - starts[other] >= ends[run] - starts[run]
+    return wider and gap <= GAP_PX and line[starts[run]] > far + STEP_PX
+
+
+@njit(forceinline=True, **BARE)
+def runs_on(map_, line, y, start, end, far):  # type: ignore[no-untyped-def]
+    """Whether the far surface has the phase of the run at its first, middle and last pixel."""
+    for x in (start, (start + end) // 2, end - 1):
+        here, _ = phase_of_disparity(map_, x, y, line[x])
+        there, _ = phase_of_disparity(map_, x, y, far)
+        if not abs(wrap(np.float32(here - there))) < RUNS_ON_RAD:
+            return False
+    return True
+
+
+@njit(**BARE)
+def fill_nearest(line, nearest):  # type: ignore[no-untyped-def]
+    """Fill the disparity of the nearest surface that each right pixel of a row shows."""
+    for x in range(line.size):
+        if np.isnan(line[x]):
+            continue
+        column = int(np.floor(np.float32(x) - line[x] + np.float32(0.5)))
+        if 0 <= column < line.size:
+            nearest[column] = max(nearest[column], line[x])
+
+
+@njit(**BARE)
+def is_explained(views, nearest, start, end, far, noise):  # type: ignore[no-untyped-def]
+    """Whether most of a run could be the far surface: seen alike on the right, hidden by something nearer, outside."""
+    left, right, bright = views
+    alike = min(noise + SHADING_SHARE * bright, TELLING_SHARE * bright)
+    alike = alike if noise < TELLING_SHARE * bright else np.float32(0.0)
+    explained = 0
+    for x in range(start, end):
+        column = np.float32(x) - far
+        if column < np.float32(0.0):
+            explained += 1
+            continue
+        base = int(column)
+        if base + 1 >= right.size:
+            continue
+        if max(nearest[base], nearest[base + 1]) > far + STEP_PX:
+            explained += 1
+            continue
+        seen = right[base] + (column - np.float32(base)) * (right[base + 1] - right[base])
+        explained += abs(left[x] - seen) < alike
+    return np.float32(explained) >= EXPLAINED * np.float32(end - start)
