@@ -2,8 +2,8 @@
 
 Both show the same fringes, so phase, projector and grey levels agree, and a narrow post seems to stand where nothing
 is. But in the left image the fringes run on from the far surface into the strip as if there were no edge, which they
-do by chance for one real edge in a dozen; and where the far surface would be seen on the right, it is seen, or
-something nearer stands. Such a strip is left unknown.
+do by chance for one real edge in a dozen; and where the far surface would be seen on the right, something
+nearer stands, or it is seen. Such a strip is left unknown.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from moire_sensor.settings import Settings
 
 # The widest phantom, the widest gap between it and the far surface, how much nearer it lies, pixels.
 MOST_PX, GAP_PX, STEP_PX = 24, 24, np.float32(3.0)
-# How well the fringes run on, and the share of a strip that the far surface explains.
-RUNS_ON_RAD, EXPLAINED = np.float32(0.5), np.float32(0.8)
-# Noise of a difference of grey levels, sigmas; the share of the amplitude that shading makes of it; the share up to
-# which a difference tells anything.
-SIGMAS, SHADING_SHARE, TELLING_SHARE = np.float32(3.0), np.float32(0.1), np.float32(0.25)
+# How well the fringes run on; the share of a strip that the far surface explains; the share that would be hidden, as
+# else both would be seen and the far one found.
+RUNS_ON_RAD, EXPLAINED, HIDDEN = np.float32(0.5), np.float32(0.8), np.float32(0.25)
+# Noise of a difference of grey levels, sigmas, and the share of the amplitude that shading makes of it. Where noise is
+# more than the last share, views are alike by chance.
+SIGMAS, SHADING_SHARE, TELLING_SHARE = np.float32(3.0), np.float32(0.1), np.float32(0.15)
 NOTHING = np.float32(-1e9)
 
 
@@ -91,10 +92,10 @@ def find_runs(line, starts, ends):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **BARE)
 def may_hide(line, starts, ends, run, other):  # type: ignore[no-untyped-def]
-    """Whether a run lies before a wider one close by."""
+    """Whether a run lies before one close by that is wider than any phantom."""
     gap = starts[run] - ends[other] if other < run else starts[other] - ends[run]
     far = line[ends[other] - 1] if other < run else line[starts[other]]
-    wider = ends[other] - starts[other] >= ends[run] - starts[run]
+    wider = ends[other] - starts[other] > MOST_PX
     return wider and gap <= GAP_PX and line[starts[run]] > far + STEP_PX
 
 
@@ -124,20 +125,20 @@ def fill_nearest(line, nearest):  # type: ignore[no-untyped-def]
 def is_explained(views, nearest, start, end, far, noise):  # type: ignore[no-untyped-def]
     """Whether most of a run could be the far surface: seen alike on the right, hidden by something nearer, outside."""
     left, right, bright = views
-    alike = min(noise + SHADING_SHARE * bright, TELLING_SHARE * bright)
-    alike = alike if noise < TELLING_SHARE * bright else np.float32(0.0)
-    explained = 0
+    alike = noise + SHADING_SHARE * bright if noise < TELLING_SHARE * bright else np.float32(0.0)
+    hidden, seen_alike = 0, 0
     for x in range(start, end):
         column = np.float32(x) - far
         if column < np.float32(0.0):
-            explained += 1
+            hidden += 1
             continue
         base = int(column)
         if base + 1 >= right.size:
             continue
         if max(nearest[base], nearest[base + 1]) > far + STEP_PX:
-            explained += 1
+            hidden += 1
             continue
         seen = right[base] + (column - np.float32(base)) * (right[base + 1] - right[base])
-        explained += abs(left[x] - seen) < alike
-    return np.float32(explained) >= EXPLAINED * np.float32(end - start)
+        seen_alike += abs(left[x] - seen) < alike
+    length = np.float32(end - start)
+    return np.float32(hidden + seen_alike) >= EXPLAINED * length and np.float32(hidden) >= HIDDEN * length

@@ -25,16 +25,21 @@ ALIAS_PX = 2.0 * np.pi / abs(float(PROJECTOR.phase_rad_at(np.array(100.0), np.ar
                                    - PROJECTOR.phase_rad_at(np.array(100.0), np.array(0.0), 20.0)))  # fmt: skip
 
 
-def row(strip: slice, disparity_px: float, hidden: slice | None) -> tuple[Float32, Float32, Float32]:
-    """Disparities with a strip before a wall, and views of the wall alone; ``hidden`` columns on the right are dark."""
+def row(strip: slice, disparity_px: float, hidden_px: int, shown: slice = slice(0, 0)) -> tuple[Float32, ...]:
+    """Disparities with a strip before a wall, and views of the wall alone; on the right something else is ``shown``.
+
+    Something nearer hides the first ``hidden_px`` columns of the wall that the strip could be, on the right.
+    """
     x = np.arange(float(WIDTH))
     grey = 90.0 + AMPLITUDE * np.cos(PROJECTOR.phase_rad_at(x, np.zeros(WIDTH), np.full(WIDTH, WALL_PX)))
     right = np.interp(x + WALL_PX, x, grey)
+    right[shown] = 15.0
     disparity = np.full(WIDTH, WALL_PX)
     disparity[strip] = disparity_px
     disparity[strip.stop : strip.stop + 12] = np.nan
-    if hidden is not None:
-        right[hidden] = 15.0
+    nearer = WALL_PX + 2.5 * ALIAS_PX
+    first = round(strip.start - WALL_PX + nearer)
+    disparity[first : first + hidden_px] = nearer
     return np.float32(disparity), np.float32(grey), np.float32(right)
 
 
@@ -54,7 +59,7 @@ def slow_dropped(disparity: Float32, left: Float32, right: Float32) -> Array:
     breaks = [0, *(x for x in range(1, width) if not abs(here[x] - here[x - 1]) < depth_phantom.STEP_PX), width]
     runs = [(a, b) for a, b in itertools.pairwise(breaks) if np.isfinite(here[a])]
     noise = 3.0 * np.sqrt(2.0) * NOISE
-    limit = min(noise + 0.1 * AMPLITUDE, 0.25 * AMPLITUDE)
+    limit = noise + 0.1 * AMPLITUDE
     result = here.copy()
     for number, (a, b) in enumerate(runs):
         for other in (number - 1, number + 1):
@@ -62,14 +67,14 @@ def slow_dropped(disparity: Float32, left: Float32, right: Float32) -> Array:
                 continue
             c, d = runs[other]
             gap, far = (a - d, here[d - 1]) if other < number else (c - b, here[c])
-            if d - c < b - a or gap > depth_phantom.GAP_PX or here[a] <= far + depth_phantom.STEP_PX:
+            if d - c <= depth_phantom.MOST_PX or gap > depth_phantom.GAP_PX or here[a] <= far + depth_phantom.STEP_PX:
                 continue
             at = np.array([a, (a + b) // 2, b - 1])
             none = np.zeros(3)
             turn = PROJECTOR.phase_rad_at(at, none, here[at]) - PROJECTOR.phase_rad_at(at, none, np.full(3, far))
             if not (np.abs(np.angle(np.exp(1j * turn))) < depth_phantom.RUNS_ON_RAD).all():
                 continue
-            explained = 0
+            hidden, seen = 0, 0
             for x in range(a, b):
                 column = x - far
                 shows = [
@@ -77,8 +82,9 @@ def slow_dropped(disparity: Float32, left: Float32, right: Float32) -> Array:
                     and np.floor(at - result[at] + 0.5) in (np.floor(column), np.floor(column) + 1.0)
                 ]  # fmt: skip
                 alike = abs(left[x] - np.interp(column, np.arange(width), right)) < limit
-                explained += column < 0 or max(shows, default=-np.inf) > far + depth_phantom.STEP_PX or alike
-            if explained >= depth_phantom.EXPLAINED * (b - a):
+                away = column < 0 or max(shows, default=-np.inf) > far + depth_phantom.STEP_PX
+                hidden, seen = hidden + away, seen + (alike and not away)
+            if hidden + seen >= depth_phantom.EXPLAINED * (b - a) and hidden >= depth_phantom.HIDDEN * (b - a):
                 result[a:b] = np.nan
     return result
 
@@ -93,7 +99,7 @@ def is_gone(found: Float32, strip: slice) -> bool:
 def test_a_strip_whose_fringes_run_on_from_the_wall_is_dropped(off_px: float, gone: bool) -> None:
     """An edge of something real breaks the fringes, but by chance."""
     strip = slice(100, 112)
-    images = row(strip, WALL_PX + (1.0 + off_px) * ALIAS_PX, None)
+    images = row(strip, WALL_PX + (1.0 + off_px) * ALIAS_PX, 6)
     found = dropped(*images)
     assert is_gone(found, strip) == gone
     np.testing.assert_array_equal(np.delete(found, np.r_[strip]), np.delete(images[0], np.r_[strip]))
@@ -102,32 +108,30 @@ def test_a_strip_whose_fringes_run_on_from_the_wall_is_dropped(off_px: float, go
 @pytest.mark.parametrize(("columns", "gone"), [(24, True), (25, False)])
 def test_wide_strips_stay(columns: int, gone: bool) -> None:
     strip = slice(100, 100 + columns)
-    assert is_gone(dropped(*row(strip, WALL_PX + ALIAS_PX, None)), strip) == gone
+    assert is_gone(dropped(*row(strip, WALL_PX + ALIAS_PX, columns // 2)), strip) == gone
+
+
+@pytest.mark.parametrize(("hidden_px", "gone"), [(0, False), (2, False), (4, True), (12, True)])
+def test_a_strip_whose_wall_both_cameras_would_see_stays(hidden_px: int, gone: bool) -> None:
+    strip = slice(100, 112)
+    assert is_gone(dropped(*row(strip, WALL_PX + ALIAS_PX, hidden_px)), strip) == gone
 
 
 def test_where_the_right_camera_shows_something_else_a_strip_stays() -> None:
     strip = slice(100, 112)
-    shown = slice(80, 92)
-    images = row(strip, WALL_PX + ALIAS_PX, shown)
-    assert not is_gone(dropped(*images), strip)
-    # But for something nearer, which hides the wall there.
-    nearer = WALL_PX + 2.0 * ALIAS_PX
-    disparity = images[0]
-    behind = slice(shown.start + round(nearer), shown.stop + round(nearer) + 1)
-    disparity[behind] = nearer
-    assert is_gone(dropped(*images), strip)
+    assert not is_gone(dropped(*row(strip, WALL_PX + ALIAS_PX, 6, shown=slice(86, 92))), strip)
 
 
 def test_weak_fringes_are_alike_everywhere_and_tell_nothing() -> None:
     strip = slice(100, 112)
-    assert not is_gone(dropped(*row(strip, WALL_PX + ALIAS_PX, None), amplitude=20.0), strip)
+    assert not is_gone(dropped(*row(strip, WALL_PX + ALIAS_PX, 6), amplitude=20.0), strip)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_dropped_are_those_of_the_slow_loop(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    disparity, left, right = row(slice(100, 110), WALL_PX + ALIAS_PX, slice(80, 84))
-    for start in range(10, WIDTH - 20, 20):
+    disparity, left, right = row(slice(100, 110), WALL_PX + ALIAS_PX, 4, shown=slice(84, 85))
+    for start in range(10, WIDTH - 20, 50):
         columns = slice(start, start + int(rng.integers(1, 14)))
         disparity[columns] = rng.choice([np.nan, *(WALL_PX + ALIAS_PX * np.array([1.0, 1.5, 2.0]))])
     disparity += np.float32(rng.normal(0.0, 0.2, WIDTH))
