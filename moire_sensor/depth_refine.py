@@ -48,6 +48,7 @@ def refine(
     settings: Settings,
     max_mismatch_rad: float,
     match: Match | None = None,
+    buffer: Float32 | None = None,
 ) -> Match:
     """Generalised least squares of both phases against the projector's, systematic errors included.
 
@@ -61,10 +62,11 @@ def refine(
     label : (H, W) int8, the order of every pixel counted from ``orders.first``, negative for none.
     max_mismatch_rad : pixels whose phases disagree by more have no disparity, only a mismatch.
     match : a match to change in place at the pixels with a label; without one, those without a label are NaN.
+    buffer : (4, H, W) float32 for the arrays of a new match, which last until its next use.
     """
     left, right = phases
     fresh = match is None
-    match = match or Match(*(np.empty(label.shape, dtype=np.float32) for _ in range(4)))
+    match = match or Match(*(np.empty((4, *label.shape), dtype=np.float32) if buffer is None else buffer))
     errors = np.array([settings.common_error_rad, settings.alignment_px, max_mismatch_rad], dtype=np.float32)
     middle = np.float32(carriers[0].disparity_px)
     solve_disparity(

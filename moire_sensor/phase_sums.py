@@ -100,7 +100,8 @@ def ramp_along(values, size, room, sums, ramps):  # type: ignore[no-untyped-def]
                 ramp[3 * have :], np.float32(have), extra, more, last, target, ramp_target,
             )  # fmt: skip
         else:
-            grow_ramp(source, source[have:], ramp, ramp[have:], np.float32(have), extra, more, last, target, ramp_target)
+            ahead = ramp[have:]
+            grow_ramp(source, source[have:], ramp, ahead, np.float32(have), extra, more, last, target, ramp_target)
         source, ramp, have = target, ramp_target, next_have
 
 

@@ -38,7 +38,7 @@ class Choice(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Memory for the choice of one row: best variances, the numbers of their windows; where the windows start and lie."""
+    """Memory for the choice of one row: best variances, numbers of their windows; where windows start and lie."""
 
     key: npt.NDArray[np.float32]
     number: npt.NDArray[np.uint8]
