@@ -16,7 +16,7 @@ from numba import njit, prange
 from moire_sensor.apart import ROW
 from moire_sensor.depth_measure import compare_row, fill_sigma, measure
 from moire_sensor.depth_refine import Match
-from moire_sensor.depth_surface import along_every_second
+from moire_sensor.depth_surface import along_surface
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
@@ -76,13 +76,12 @@ def match_greys(
     disparity, room = match.disparity_px, Room.of(amplitude.shape)
     known = np.count_nonzero(disparity == disparity)
     for number in range(1, ROUNDS_ON_TEXTURE + 1):
-        along_every_second(disparity, half_width, window[1], room.rows, room.smooth)
-        found = room.found[number % 2]
+        smooth = along_surface(disparity, half_width, window[1], (room.apart, room.smooth))
+        disparity = room.found
         moving = measure(
-            *greys, room.smooth, disparity, amplitude, *window, np.float32(settings.image_noise), enough, room.apart,
-            room.power, found,
+            *greys, smooth, amplitude, *window, np.float32(settings.image_noise), enough, room.apart, room.power,
+            disparity,
         )  # fmt: skip
-        disparity = found
         if number == ROUNDS and moving <= MOVING_SHARE * known:
             break
     fill_sigma(room.apart, room.power, *window, enough, match.sigma_px)
@@ -92,30 +91,17 @@ def match_greys(
 
 @dataclass(frozen=True)
 class Room:
-    """Work memory of :func:`match_greys` for images (H, W): what differs, squared slopes, disparities of two rounds.
-
-    Attributes
-    ----------
-    rows, smooth : (H / 2, W), means along the surface.
-    """
+    """Work memory of :func:`match_greys` for images (H, W): what differs, squared slopes, disparities, their means."""
 
     apart: Float32
     power: Float32
-    found: tuple[Float32, Float32]
-    rows: Float32
+    found: Float32
     smooth: Float32
 
     @classmethod
     def of(cls, shape: tuple[int, ...]) -> Room:
         """Memory that all calls of a thread share."""
-        return scratch(("greys", shape), lambda: cls.make(shape))
-
-    @classmethod
-    def make(cls, shape: tuple[int, ...]) -> Room:
-        """Allocate it."""
-        apart, power, first, second = np.empty((4, *shape), dtype=np.float32)
-        rows, smooth = np.empty((2, (shape[0] + 1) // 2, shape[1]), dtype=np.float32)
-        return cls(apart, power, (first, second), rows, smooth)
+        return scratch(("greys", shape), lambda: cls(*np.empty((4, *shape), dtype=np.float32)))
 
 
 def check_greys(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, settings: Settings) -> None:

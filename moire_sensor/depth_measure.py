@@ -10,7 +10,6 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.apart import FAST, LEAF, LEAF_FAST, ROW
-from moire_sensor.depth_surface import smooth_row
 from moire_sensor.phase_sums import ONE, ZERO, sum_along
 
 # Rows of half a window above and below a band are compared twice: few bands, but enough for four threads.
@@ -26,13 +25,12 @@ ROUNDS_SIGMA = np.float32(1.3)
 
 @njit(parallel=True, cache=True)
 def measure(  # type: ignore[no-untyped-def]
-    left, right, smooth, disparity, amplitude, columns, half_height, noise, enough, apart, power, found
+    left, right, disparity, amplitude, columns, half_height, noise, enough, apart, power, found
 ):
-    """Fill ``found`` (H, W) with the disparities that remove the differences of the windows.
+    """Fill ``found`` (H, W) with the disparities that remove the differences of the windows at the given ones.
 
     Parameters
     ----------
-    smooth, disparity : means along the surface of rows 0, 2, 4.., and what they are means of.
     columns, half_height : of the windows: columns, and rows above and below.
     enough : least sum of squared slopes that moves a disparity.
     apart, power : (H, W), filled with the differences of the pixels, and with sums of squared slopes over the windows.
@@ -44,7 +42,7 @@ def measure(  # type: ignore[no-untyped-def]
     far = np.int64(0)
     for band in prange((left.shape[0] + BAND_ROWS - 1) // BAND_ROWS):
         far += measure_band(
-            left, right, smooth, disparity, amplitude, columns, half_height, noise, enough, np.int64(band) * BAND_ROWS,
+            left, right, disparity, amplitude, columns, half_height, noise, enough, np.int64(band) * BAND_ROWS,
             apart, power, found,
         )  # fmt: skip
     return far
@@ -52,23 +50,22 @@ def measure(  # type: ignore[no-untyped-def]
 
 @njit(**ROW)
 def measure_band(  # type: ignore[no-untyped-def]
-    left, right, smooth, disparity, amplitude, columns, half_height, noise, enough, first, apart, power, found
+    left, right, disparity, amplitude, columns, half_height, noise, enough, first, apart, power, found
 ):
     """The rows of one band from ``first`` on."""
     height, width = disparity.shape
     last, start = min(first + BAND_ROWS, height), max(first - half_height, 0)
-    rings = np.empty((3, 2 * half_height + 1, width), dtype=np.float32)
-    means, powers, mets = rings[0], rings[1], rings[2]
+    rings = np.empty((2, 2 * half_height + 1, width), dtype=np.float32)
+    powers, mets = rings[0], rings[1]
     down = np.zeros((2, width + 2 * columns), dtype=np.float32)
     room = np.empty((4, width + 2 * columns), dtype=np.float32)
     far = 0
     for y in range(start, last + half_height):
         if y < height:
             slot = y % powers.shape[0]
-            smooth_row(smooth, disparity, y, means[slot])
             inside = first <= y < last
             compare_row(
-                left[y], right[y], means[slot], amplitude[y], noise, powers[slot], mets[slot],
+                left[y], right[y], disparity[y], amplitude[y], noise, powers[slot], mets[slot],
                 apart[y] if inside else room[3, :width],
             )  # fmt: skip
             change(powers[slot], mets[slot], ONE, down[0][columns // 2 :], down[1][columns // 2 :])
@@ -76,7 +73,7 @@ def measure_band(  # type: ignore[no-untyped-def]
         if at >= first:
             sum_along(down[0], columns, room[:2], power[at])
             sum_along(down[1], columns, room[:2], room[2, :width])
-            far += move_row(means[at % powers.shape[0]], power[at], room[2, :width], enough, found[at])
+            far += move_row(disparity[at], power[at], room[2, :width], enough, found[at])
         if old >= start:
             slot = old % powers.shape[0]
             change(powers[slot], mets[slot], -ONE, down[0][columns // 2 :], down[1][columns // 2 :])

@@ -18,7 +18,6 @@ from moire_sensor.depth_grey import (
 )
 from moire_sensor.depth_measure import BAND_ROWS, FOREIGN_SHARE, LARGEST_STEP_PX, ROUNDS_SIGMA, fill_sigma, measure
 from moire_sensor.depth_refine import Match
-from moire_sensor.depth_surface import smooth_row
 from moire_sensor.paper_rig import PERIOD_PX, paper_pattern, paper_rig
 from moire_sensor.phase_carrier import Carrier
 from moire_sensor.phase_image import PhaseImage
@@ -107,23 +106,19 @@ def test_a_round_moves_disparities_as_the_slow_loop() -> None:
     """Two bands of an image whose rows have nothing in common."""
     shape, (columns, half_height), enough = (BAND_ROWS + 11, 40), (7, 3), np.float32(3e3)
     left, right, disparity, amplitude = random_views(3, shape)
-    smooth = disparity[::2] + np.float32(0.1)
     apart, power, found = np.full((3, *shape), np.nan, dtype=np.float32)
     far = measure(
-        left, right, smooth, disparity, amplitude, columns, half_height, np.float32(NOISE), enough, apart, power, found
+        left, right, disparity, amplitude, columns, half_height, np.float32(NOISE), enough, apart, power, found
     )
-    means = np.empty_like(disparity)
-    for y, line in enumerate(means):
-        smooth_row(smooth, disparity, y, line)
-    products = slow_compare(left, right, means, amplitude)
+    products = slow_compare(left, right, disparity, amplitude)
     powers, mets = (window_sums(part, columns, 2 * half_height + 1) for part in products[:2])
     step = np.where(powers > enough, np.clip(mets / np.maximum(powers, enough), -LARGEST_STEP_PX, LARGEST_STEP_PX), 0.0)
     # Sums of some twenty squares of 100 grey levels a pixel; where just enough is seen, a pixel may move or not.
     np.testing.assert_allclose(power, powers, atol=5.0, rtol=1e-4)
     np.testing.assert_allclose(apart, products[2], atol=0.5)
     clear = np.abs(powers - enough) > 10.0
-    np.testing.assert_allclose(found[clear], (means + step)[clear], atol=1e-3)
-    assert far == pytest.approx(np.count_nonzero((np.abs(step) > 0.2) & np.isfinite(means)), abs=5)
+    np.testing.assert_allclose(found[clear], (disparity + step)[clear], atol=1e-3)
+    assert far == pytest.approx(np.count_nonzero((np.abs(step) > 0.2) & np.isfinite(disparity)), abs=5)
     assert 0.2 < np.mean(powers > enough) < 0.9
     assert (np.abs(step) == LARGEST_STEP_PX).any()
 

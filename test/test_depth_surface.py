@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from dense_rigs import Float32
 
-from moire_sensor.depth_surface import (
-    OFF_PLANE_PX,
-    along_every_second,
-    along_surface,
-    mean_along_columns,
-    mean_along_rows,
-    smooth_row,
-)
+from moire_sensor.depth_surface import OFF_PLANE_PX, along_surface, mean_along_columns, mean_along_rows
 
 
 def surfaces(seed: int, shape: tuple[int, int]) -> Float32:
@@ -41,7 +34,7 @@ def slow_mean(line: Float32, reach: int) -> Float32:
 def test_means_are_those_of_the_slow_loop(shape: tuple[int, int], reach: int) -> None:
     disparity = surfaces(1, shape)
     rows, columns = np.empty_like(disparity), np.empty_like(disparity)
-    mean_along_rows(disparity, 1, reach, rows)
+    mean_along_rows(disparity, reach, rows)
     mean_along_columns(disparity, reach, columns)
     # Sums of 17 values near 50 px in float32: 17 roundings of 2^-24 relative.
     np.testing.assert_allclose(rows, [slow_mean(line, reach) for line in disparity], rtol=2e-6)
@@ -53,30 +46,6 @@ def test_both_directions_are_taken_in_turn() -> None:
     rows = np.array([slow_mean(line, 6) for line in disparity])
     expected = np.array([slow_mean(line, 3) for line in rows.T]).T
     np.testing.assert_allclose(along_surface(disparity, 6, 3), expected, rtol=4e-6)
-
-
-@pytest.mark.parametrize("height", [1, 2, 29, 30])
-def test_every_second_row_is_taken_alone(height: int) -> None:
-    disparity = surfaces(2, (height, 40))
-    rows, both = np.empty((2, (height + 1) // 2, 40), dtype=np.float32)
-    along_every_second(disparity, 6, 7, rows, both)
-    expected = np.array([slow_mean(line, 6) for line in disparity[::2]])
-    np.testing.assert_allclose(both, np.array([slow_mean(line, 4) for line in expected.T]).T, rtol=4e-6)
-
-
-def test_rows_between_are_means_of_both_where_they_lie_on_one_plane() -> None:
-    both = np.array([[10.0, 10.0, 10.0, 10.0, np.nan], [10.2, 10.2, 13.0, 10.2, 10.2]], dtype=np.float32)
-    disparity = np.zeros((4, 5), dtype=np.float32)
-    disparity[1] = 10.4, 11.0, 10.2, 12.0, 10.3
-    disparity[3] = 7.0
-    lines = [np.empty(5, dtype=np.float32) for _ in range(4)]
-    for y, line in enumerate(lines):
-        smooth_row(both, disparity, y, line)
-    np.testing.assert_array_equal(lines[0], both[0])
-    # A little off both, further off but both agree, between two surfaces, on another surface, beside an unknown one.
-    np.testing.assert_allclose(lines[1], [10.1, 10.1, 10.2, 12.0, 10.3], rtol=1e-6)
-    np.testing.assert_array_equal(lines[2], both[1])
-    np.testing.assert_array_equal(lines[3], disparity[3])
 
 
 @pytest.mark.parametrize(("along", "across"), [(0.0, 0.0), (0.4, -0.3), (-1.7, 0.9)])
