@@ -10,8 +10,6 @@ from moire_sensor.phase_carrier import Float32
 
 # Two pixels, one on either side, whose mean lies further than this from the middle one are not on its plane.
 OFF_PLANE_PX = np.float32(0.5)
-# Pairs that are added together.
-TOGETHER = 4
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
@@ -41,20 +39,15 @@ def mean_along_rows(disparity, reach, mean):  # type: ignore[no-untyped-def]
     height, width = disparity.shape
     for y in prange(height):
         # What lies beyond the row is unknown, and so on no plane.
-        margin = reach + TOGETHER
-        line = np.full(width + 2 * margin, np.nan, dtype=np.float32)
-        line[margin : margin + width] = disparity[y]
+        line = np.full(width + 2 * reach, np.nan, dtype=np.float32)
+        line[reach : reach + width] = disparity[y]
         nothing = np.full(width, np.nan, dtype=np.float32)
         total, count = disparity[y].copy(), np.ones(width, dtype=np.float32)
-        for away in range(1, reach + 1, TOGETHER):
-            left, right = margin - away, margin + away
-            second, third, fourth = away + 1 <= reach, away + 2 <= reach, away + 3 <= reach
+        for away in range(1, reach + 1, 2):
+            more = away < reach
             add_pairs(
-                line[left:], line[right:],
-                line[left - 1 :] if second else nothing, line[right + 1 :] if second else nothing,
-                line[left - 2 :] if third else nothing, line[right + 2 :] if third else nothing,
-                line[left - 3 :] if fourth else nothing, line[right + 3 :] if fourth else nothing,
-                disparity[y], total, count,
+                line[reach - away :], line[reach + away :], line[reach - away - 1 :] if more else nothing,
+                line[reach + away + 1 :] if more else nothing, disparity[y], total, count,
             )  # fmt: skip
         divide(total, count, mean[y])
 
@@ -68,33 +61,24 @@ def mean_along_columns(disparity, reach, mean):  # type: ignore[no-untyped-def]
         nothing = np.full(width, np.nan, dtype=np.float32)
         total, count = disparity[y].copy(), np.ones(width, dtype=np.float32)
         last = min(reach, y, height - 1 - y)
-        for away in range(1, last + 1, TOGETHER):
-            above, below = y - away, y + away
-            second, third, fourth = away + 1 <= last, away + 2 <= last, away + 3 <= last
+        for away in range(1, last + 1, 2):
+            more = away < last
             add_pairs(
-                disparity[above], disparity[below],
-                disparity[above - 1] if second else nothing, disparity[below + 1] if second else nothing,
-                disparity[above - 2] if third else nothing, disparity[below + 2] if third else nothing,
-                disparity[above - 3] if fourth else nothing, disparity[below + 3] if fourth else nothing,
-                disparity[y], total, count,
+                disparity[y - away], disparity[y + away], disparity[y - away - 1] if more else nothing,
+                disparity[y + away + 1] if more else nothing, disparity[y], total, count,
             )  # fmt: skip
         divide(total, count, mean[y])
 
 
 @njit(**ROW)
-def add_pairs(  # type: ignore[no-untyped-def]
-    before, after, before_2, after_2, before_3, after_3, before_4, after_4, middle, total, count
-):
-    """Add to ``total`` and ``count`` (n,) the means of ``TOGETHER`` pairs where they lie on the plane of the middle."""
+def add_pairs(before, after, farther_before, farther_after, middle, total, count):  # type: ignore[no-untyped-def]
+    """Add to ``total`` and ``count`` (n,) the means of the two pairs where they lie on the plane of the middle."""
     for x in range(middle.size):
-        here = middle[x]
-        pair, pair_2 = HALF * (before[x] + after[x]), HALF * (before_2[x] + after_2[x])
-        pair_3, pair_4 = HALF * (before_3[x] + after_3[x]), HALF * (before_4[x] + after_4[x])
-        on, on_2 = abs(pair - here) < OFF_PLANE_PX, abs(pair_2 - here) < OFF_PLANE_PX
-        on_3, on_4 = abs(pair_3 - here) < OFF_PLANE_PX, abs(pair_4 - here) < OFF_PLANE_PX
-        total[x] += (pair if on else ZERO) + (pair_2 if on_2 else ZERO)
-        total[x] += (pair_3 if on_3 else ZERO) + (pair_4 if on_4 else ZERO)
-        count[x] += (ONE if on else ZERO) + (ONE if on_2 else ZERO) + (ONE if on_3 else ZERO) + (ONE if on_4 else ZERO)
+        near = HALF * (before[x] + after[x])
+        far = HALF * (farther_before[x] + farther_after[x])
+        near_on, far_on = abs(near - middle[x]) < OFF_PLANE_PX, abs(far - middle[x]) < OFF_PLANE_PX
+        total[x] += (near if near_on else ZERO) + (far if far_on else ZERO)
+        count[x] += (ONE if near_on else ZERO) + (ONE if far_on else ZERO)
 
 
 @njit(**ROW)
