@@ -238,6 +238,17 @@ def slow_offer(
     return slow_difference(views, y, x, (d, along, across)) / AMPLITUDE, d, float(np.sqrt(variance))
 
 
+def slow_lit(left: Float32, y: int, x: int, disparity: float, along: float) -> bool:
+    """Whether a piece of row that holds the pixel has most of the light that the plane promises."""
+    for first in (x - fit.LIT_PX // 2, x - fit.LIT_PX + 1, x):
+        at = np.arange(max(first, 0), min(first + fit.LIT_PX, left.shape[1]))
+        phase_rad = PROJECTOR.phase_rad_at(at.astype(float), np.full(at.size, float(y)), disparity + along * (at - x))
+        promised = float((BACKGROUND + AMPLITUDE * np.cos(phase_rad)).sum())
+        if left[y, at].sum() > fit.LIT_SHARE * promised - 3.0 * np.sqrt(fit.LIT_PX) * NOISE:
+            return True
+    return False
+
+
 def slow_round(views: tuple[Float32, Float32], images: Array, trust: Mask, todo: Mask) -> Array:
     """One round of the assignment on (4, H, W) images of a match."""
     disparity, result = images[0], images.copy()
@@ -248,7 +259,11 @@ def slow_round(views: tuple[Float32, Float32], images: Array, trust: Mask, todo:
         good: list[tuple[float, float, float]] = []
         for x0, plane, alone in planes + slow_runs(disparity, trust, y, x):
             offer = None if alone and good else slow_offer(views, disparity, claim, y, x, x0, plane)
-            good += [offer] if offer is not None and np.isfinite(offer[0]) else []
+            if offer is None or not np.isfinite(offer[0]):
+                continue
+            leads = all(offer[0] < other[0] for other in good)
+            if not leads or slow_lit(views[0], y, x, offer[1], plane[1]):
+                good.append(offer)
         best, chosen, sigma = min(good, key=lambda offer: offer[0], default=(np.inf, np.nan, np.nan))
         own, here = np.inf, float(disparity[y, x])
         if np.isfinite(here) and not is_taken(claim, y, x, here):
