@@ -195,9 +195,10 @@ def brighter(values, brightest):  # type: ignore[no-untyped-def]
 def judge_steps(  # type: ignore[no-untyped-def]
     moments, amplitude, variance, freedom, cross, along, gain2, min_amplitude, max_motion_rad, offset, sigma, status
 ):
-    """Fill sigma and status from the blurred sums, of squares that are ``freedom`` variances, and take the phase away where the status says so.
+    """Fill sigma and status from the blurred sums, and take the phase away where the status says so.
 
-    With two moments a fast drift is overrated: tan of it is tan(e) / cos(e) for a drift e and four steps.
+    ``variance`` is that of the noise times ``freedom``. With two moments a fast drift is overrated: tan of it is
+    tan(e) / cos(e) for a drift e and four steps.
     """
     for row in prange(amplitude.shape[0]):
         y = np.int64(row)
@@ -225,11 +226,11 @@ def mark_moved(cross, along, max_motion_rad, status):  # type: ignore[no-untyped
 
 
 @njit(**FAST)
-def noise_row(amplitude, squares, freedom, gain2, sigma):  # type: ignore[no-untyped-def]
-    """Standard deviation of the phase; running sums of the blur may leave a square a little below zero."""
+def noise_row(amplitude, variance, freedom, gain2, sigma):  # type: ignore[no-untyped-def]
+    """Standard deviation of the phase; running sums of the blur may leave a variance a little below zero."""
     for x in range(sigma.size):
-        variance = max(squares[x], np.float32(0.0)) / freedom
-        sigma[x] = np.sqrt(variance * gain2) / max(amplitude[x], TINY)
+        own = max(variance[x], np.float32(0.0)) / freedom
+        sigma[x] = np.sqrt(own * gain2) / max(amplitude[x], TINY)
 
 
 @njit(fastmath=NAN_SAFE)
