@@ -24,6 +24,8 @@ from moire_sensor.settings import Settings
 ROUNDS = 2
 # A pixel leaves its surface only for one that fits better by this share of the amplitude.
 BETTER_SHARE = np.float32(0.03)
+# No surface is believed to fit better than with this share of the noise.
+LEAST_NOISE = np.float32(0.5)
 
 
 def extend(
@@ -137,7 +139,7 @@ def judge(  # type: ignore[no-untyped-def]
     """
     dim = dimmest(amplitude, above, below, y, x, before, after)
     bearable = allowed(limits, dim) * dim
-    enough = min(bearable, BETTER_SHARE * dim)
+    enough = min(bearable, BETTER_SHARE * dim + LEAST_NOISE * limits[1])
     here = disparity[y, x]
     own = own_difference(left, right, claim, y, x, here, np.float32(np.inf), enough)
     if own <= enough:
