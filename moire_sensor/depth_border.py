@@ -1,8 +1,9 @@
 """Borders of surfaces: which of the surfaces around it a pixel beside a depth jump, a shadow or a hole belongs to.
 
 Windows that straddle an edge see two surfaces. Pixels further from any edge than the window's doubtful rim are trusted;
-the others are offered the planes of the trusted pixels left, right, above and below, and take the one whose grey levels
-fit in a window of a few pixels, if the right camera can see it there and the projector lights it so.
+the others are offered the planes of the trusted pixels left, right, above and below, and the surfaces of known runs
+beside them, and take the one whose grey levels fit in a window of a few pixels, if the right camera can see it there
+and the projector lights it so.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.apart import BARE, NAN_SAFE
+from moire_sensor.depth_narrow import NO_RUN, run_offered
 from moire_sensor.depth_offer import RIM_PX, fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import FAR, JUMP_PX, ROW_REACH_PX, Trust
@@ -22,6 +24,9 @@ from moire_sensor.settings import Settings
 
 # What the first round gives to a surface lets the second trust its neighbours.
 ROUNDS = 2
+# Planes are offered from four sides, runs from left and right.
+SIDES, OFFERS = 4, 6
+NOTHING = (np.float32(np.nan), np.float32(0.0), np.float32(0.0))
 # A pixel leaves its surface only for one that fits better by this share of the amplitude.
 BETTER_SHARE = np.float32(0.03)
 # No surface is believed to fit better than with this share of the noise.
@@ -74,10 +79,21 @@ def neighbour(above, below, y, x, side, before, after):  # type: ignore[no-untyp
 
 
 @njit(forceinline=True, **BARE)
+def offer_of(disparity, above, below, y, x, number, before, after, alone):  # type: ignore[no-untyped-def]
+    """Pixel (-1, -1: none) that makes one of the ``OFFERS``, and the disparity and slopes that it offers to (y, x)."""
+    if number < SIDES:
+        y0, x0 = neighbour(above, below, y, x, number, before, after)
+        return (y0, x0, plane_offered(disparity, y, x, y0, x0)) if y0 >= 0 else (-1, -1, NOTHING)
+    step, trusted = (-1, before) if number == SIDES else (1, after)
+    x0, offered, along = run_offered(disparity, y, x, step, trusted, alone)
+    return (y, x0, (offered, along, np.float32(0.0))) if x0 != NO_RUN else (-1, -1, NOTHING)
+
+
+@njit(forceinline=True, **BARE)
 def dimmest(amplitude, above, below, y, x, before, after):  # type: ignore[no-untyped-def]
     """Least fringe amplitude of the pixel and the trusted ones around it."""
     bright = max(amplitude[y, x], np.float32(1.0))
-    for side in range(4):
+    for side in range(SIDES):
         y0, x0 = neighbour(above, below, y, x, side, before, after)
         if y0 >= 0:
             bright = min(bright, amplitude[y0, x0])
@@ -94,18 +110,17 @@ def allowed(limits, bright):  # type: ignore[no-untyped-def]
 def best_offer(  # type: ignore[no-untyped-def]
     disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own
 ):
-    """Of the four planes offered, the one that fits best: difference (inf: none), disparity, variance, amplitude.
+    """Of the surfaces offered, the one that fits best: difference (inf: none), disparity, variance, amplitude.
 
     Those that are not allowed, or not better than ``own`` grey levels, are refused, but for none if ``own`` is NaN.
     """
     best, chosen = np.float32(np.inf), np.float32(np.nan)
     variance, bright = np.float32(0.0), max(amplitude[y, x], np.float32(1.0))
-    for side in range(4):
-        y0, x0 = neighbour(above, below, y, x, side, before, after)
-        if y0 < 0:
-            continue
-        offer = plane_offered(disparity, y, x, y0, x0)
-        if abs(offer[0] - disparity[y, x]) < JUMP_PX:
+    for number in range(OFFERS):
+        y0, x0, offer = offer_of(
+            disparity, above, below, y, x, number, before, after, best == np.float32(np.inf)
+        )
+        if y0 < 0 or abs(offer[0] - disparity[y, x]) < JUMP_PX:
             continue
         shine, limit = amplitude[y0, x0], best
         if not np.isnan(own):

@@ -23,6 +23,9 @@ EDGE_PX = 3
 MIXED_SHARE = np.float32(0.9)
 # Of the misfit allowed to single pixels beside an edge, a face may have this share: a plane is asked for, not a pixel.
 MISFIT_SHARE = 0.25
+# The largest step across a steep face at the side, beyond whose line no pixel could lie further off, and how much of it
+# the right camera sees at most, pixels; the mismatch of what is filled there, since nothing is compared.
+ASIDE_STEP_PX, ASIDE_SEEN_PX, ASIDE_MISFIT = np.float32(3.0), np.float32(2.0), np.float32(0.2)
 # Half of the row of grey levels that speaks for a pixel.
 HALF_ROW_PX = 3
 HALF = np.float32(0.5)
@@ -32,7 +35,9 @@ END_DOUBT_PX = np.float32(0.25)
 TELLING_CONTRAST = np.float32(3.0)
 
 
-def bridge(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, settings: Settings) -> None:
+def bridge(
+    match: Match, greys: tuple[Float32, Float32], amplitude: Float32, rad_per_px: float, settings: Settings
+) -> None:
     """Fill narrow gaps in place, along columns and then along rows.
 
     Parameters
@@ -42,7 +47,9 @@ def bridge(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, set
     greys : left, and right with the grey levels of the left, (H, W) float32.
     amplitude : fringe amplitude of the left image (H, W).
     """
-    limits = np.array([2.0 * settings.image_noise, MISFIT_SHARE * settings.max_border_misfit], dtype=np.float32)
+    limits = np.array(
+        [2.0 * settings.image_noise, MISFIT_SHARE * settings.max_border_misfit, rad_per_px], dtype=np.float32
+    )
     columns = tuple(image.T for image in match.images())
     bridge_lines(*columns, *greys, amplitude, limits, True)
     bridge_lines(*match.images(), *greys, amplitude, limits, False)
@@ -62,7 +69,10 @@ def bridge_lines(  # type: ignore[no-untyped-def]
             if here[at] != here[at]:
                 continue
             if last >= 0 and 1 < at - last <= LENGTH_PX + 1 and meet(here, last, at):
-                fill_gap(images, left, right, amplitude, limits, line, last, at, upright)
+                if not upright and is_face_aside(here, left[line], amplitude[line], limits, last, at):
+                    fill_face(images, last, at)
+                else:
+                    fill_gap(images, left, right, amplitude, limits, line, last, at, upright)
             last = at
 
 
@@ -85,6 +95,36 @@ def fill_gap(images, left, right, amplitude, limits, line, last, at, upright):  
         apart = row_difference(left, right, row, column, found, along)
         if apart < limits[0] + limits[1] * bright[x]:
             here[x], sigma[x], signed[x], mismatch[x] = found, doubt, np.float32(np.nan), apart / shine
+
+
+@njit(inline="always", fastmath=False)
+def is_face_aside(here, grey, bright, limits, last, at):  # type: ignore[no-untyped-def]
+    """Whether a gap of a row is a dark face so steep that the right camera sees less than a pixel of it.
+
+    It must be darker than the fringes of either surface can become so near, a lit strip that the right camera does not
+    see cannot be.
+    """
+    step = here[at] - here[last]
+    if not np.float32(0.0) < step <= ASIDE_STEP_PX or np.float32(at - last) - step > ASIDE_SEEN_PX:
+        return False
+    dark = grey[(last + at) // 2]
+    away = HALF * np.float32(at - last)
+    for end in (last, at):
+        fall = np.float32(2.0) * bright[end] * np.sin(min(HALF * limits[2] * away, np.float32(HALF * np.pi)))
+        if not grey[end] - dark > fall + TELLING_CONTRAST * limits[0]:
+            return False
+    return True
+
+
+@njit(inline="always", fastmath=False)
+def fill_face(images, last, at):  # type: ignore[no-untyped-def]
+    """Fill the pixels of a gap by the straight line between its ends."""
+    here, sigma, signed, mismatch = images
+    length = np.float32(at - last)
+    step = here[at] - here[last]
+    for x in range(last + 1, at):
+        here[x] = here[last] + step * np.float32(x - last) / length
+        sigma[x], signed[x], mismatch[x] = END_DOUBT_PX * step / length, np.float32(np.nan), ASIDE_MISFIT
 
 
 @njit(inline="always", fastmath=False)

@@ -23,6 +23,8 @@ NEAR_PX, FAR_VARIANCE = 14, np.float32(0.02)
 # Light that the plane promises may be missing by this share of the fringe amplitude; a shadow lacks more.
 DIM_SHARE = np.float32(0.7)
 GLARE_SHARE = np.float32(0.4)
+# Of the light that a plane promises to a piece of row, a lit one has this share, within three sigmas of its sum.
+LIT_PX, LIT_SHARE, LIT_DOUBT = 5, np.float32(0.65), np.float32(3.0 * 5.0**0.5)
 # Minimax polynomial of cos x in x^2, x from -pi to pi, to 8e-7.
 COS = tuple(np.float32(c) for c in (0.99999921, -0.49999421, 4.1659778e-2, -1.3858790e-3, 2.4202941e-5, -2.1972964e-7))
 
@@ -109,4 +111,25 @@ def fits(  # type: ignore[no-untyped-def]
     if taken(claim, y, x, disparity):
         return disparity, refused, variance
     difference = small_difference(left, right, y, x, disparity, along, across, bright, np.float32(0.0), limit * bright)
+    if difference < limit * bright and not is_lit(left, background, bright, map_, y, x, disparity, along, limits[1]):
+        return disparity, refused, variance
     return disparity, difference / bright, variance
+
+
+@njit(**BARE)
+def is_lit(left, background, bright, map_, y, x, disparity, along, noise):  # type: ignore[no-untyped-def]
+    """Whether one of three pieces of row that hold the pixel is nearly as bright as its plane promises.
+
+    Two views of a shadow are alike wherever a plane's fringe is dark, too. But the dark of a fringe is not that of a
+    shadow.
+    """
+    width = left.shape[1]
+    for first in (x - LIT_PX // 2, x - LIT_PX + 1, x):
+        promised, found = np.float32(0.0), np.float32(0.0)
+        for column in range(max(first, 0), min(first + LIT_PX, width)):
+            here = disparity + along * np.float32(column - x)
+            promised += background + bright * fringe_cos(map_, column, y, here)
+            found += left[y, column]
+        if found > LIT_SHARE * promised - LIT_DOUBT * noise:
+            return True
+    return False

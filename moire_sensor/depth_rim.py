@@ -28,8 +28,8 @@ APART_SIGMAS = np.float32(8.0)
 MIXED_SHARE, MOST_BEYOND = np.float32(0.4), np.float32(1.3)
 # A surface alone must keep its promise within this share of its amplitude, and be brighter than its own shadow by it.
 PROMISE_SHARE = np.float32(0.25)
-# Albedo and slope may make a surface's edge dimmer or brighter than what lies behind.
-LEAST_SHADE, MOST_SHADE = np.float32(0.3), np.float32(1.5)
+# Light is measured in so many pixels behind an edge; what the phase says of it counts as much as this part of one.
+LIGHT_PX, HOLD = 5, np.float32(0.05)
 HALF = np.float32(0.5)
 # The sigma of a pixel that only one camera speaks for.
 SIGMA_PX = np.float32(0.35)
@@ -91,13 +91,34 @@ def promised(known, left, background, amplitude, map_, y, x, edge):  # type: ign
     if not abs(step) < JUMP_PX:
         y1, x1, step = y0, x0, np.float32(0.0)
     slope = step / np.float32(BEHIND_PX)
-    y2, x2 = min(max(y0 + down, 0), height - 1), min(max(x0 + right, 0), width - 1)
-    dim, bright = background[y1, x1], max(amplitude[y1, x1], np.float32(1.0))
-    inside = dim + bright * fringe_cos(map_, x2, y2, here + slope)
-    shade = min(max(left[y2, x2] / max(inside, np.float32(1.0)), LEAST_SHADE), MOST_SHADE)
+    dim, bright = light_behind(known, left, background[y1, x1], amplitude[y1, x1], map_, edge)
     here -= slope
-    level = shade * (dim + bright * fringe_cos(map_, x, y, here))
-    return here, level, shade * bright, shade * (dim - bright)
+    level = dim + bright * fringe_cos(map_, x, y, here)
+    return here, level, bright, dim - bright
+
+
+@njit(forceinline=True, **BARE)
+def light_behind(known, left, background, amplitude, map_, edge):  # type: ignore[no-untyped-def]
+    """Background and amplitude of the pixels right behind an edge: least squares, held by those of the phase."""
+    y0, x0, down, right, _ = edge
+    height, width = known.shape
+    rows, cosines, squares = HOLD, np.float32(0.0), HOLD
+    greys, products = HOLD * background, HOLD * amplitude
+    before = known[y0, x0]
+    for away in range(1, LIGHT_PX + 1):
+        y, x = y0 + away * down, x0 + away * right
+        if not (0 <= y < height and 0 <= x < width) or not abs(known[y, x] - before) < JUMP_PX:
+            break
+        before = known[y, x]
+        cosine = fringe_cos(map_, x, y, before)
+        rows += np.float32(1.0)
+        cosines += cosine
+        squares += cosine * cosine
+        greys += left[y, x]
+        products += cosine * left[y, x]
+    bright = (products * rows - greys * cosines) / (squares * rows - cosines * cosines)
+    bright = max(bright, np.float32(1.0))
+    return (greys - bright * cosines) / rows, bright
 
 
 @njit(forceinline=True, **BARE)

@@ -22,14 +22,12 @@ class Abreast(NamedTuple):
 
     Attributes
     ----------
-    x_px : float32, NaN where there is no edge.
-    side : int32, as in ``EdgeRows``.
+    x_px : float32, column, negative where the edge goes down; NaN where there is none.
     behind : int64, what an occlusion behind the edge adds to J if none follows: 0 behind the last.
     least, most : (threads, E) float32, ends of the columns of edges i in all rows.
     """
 
     x_px: npt.NDArray[np.float32]
-    side: npt.NDArray[np.int32]
     behind: npt.NDArray[np.int64]
     least: npt.NDArray[np.float32]
     most: npt.NDArray[np.float32]
@@ -47,7 +45,7 @@ class Band(NamedTuple):
 
 
 @njit(**UNCOUNTED)
-def line_up(x_px, side, number, rows, lambda_oc, to_x, to_side, behind, least, most):  # type: ignore[no-untyped-def]
+def line_up(x_px, side, number, rows, lambda_oc, to_x, behind, least, most):  # type: ignore[no-untyped-def]
     """Lay the edges of rows (n,) side by side; the most edges of one."""
     count = np.int64(0)
     for y in rows:
@@ -57,7 +55,7 @@ def line_up(x_px, side, number, rows, lambda_oc, to_x, to_side, behind, least, m
     least[:count], most[:count] = ENDLESS_PX, -ENDLESS_PX
     for r in range(rows.size):
         y, n = rows[r], number[rows[r]]
-        lay(x_px[y, :n], side[y], to_x[:, r], to_side[:, r])
+        lay(x_px[y, :n], side[y], to_x[:, r])
         widen(x_px[y, :n], least, most)
         if n > 0:
             behind[n - 1, r] = 0
@@ -73,12 +71,10 @@ def fill(rows, value):  # type: ignore[no-untyped-def]
 
 
 @njit(**ROW)
-def lay(x_px, side, to_x, to_side):  # type: ignore[no-untyped-def]
+def lay(x_px, side, to_x):  # type: ignore[no-untyped-def]
     """Put a row into its place among those abreast."""
     for i in range(np.uint64(x_px.size)):
-        to_x[i] = x_px[i]
-    for i in range(np.uint64(x_px.size)):
-        to_side[i] = side[i]
+        to_x[i] = x_px[i] if side[i] > 0 else -x_px[i]
 
 
 @njit(**ROW)
@@ -109,6 +105,6 @@ def rows_abreast(shape: tuple[int, ...]) -> Abreast:
     """Memory for edges (threads, E) in as many rows as go abreast."""
     abreast = (*shape, ABREAST)
     return Abreast(
-        np.empty(abreast, dtype=np.float32), np.empty(abreast, dtype=np.int32), np.empty(abreast, dtype=np.int64),
-        np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32),
+        np.empty(abreast, dtype=np.float32), np.empty(abreast, dtype=np.int64), np.empty(shape, dtype=np.float32),
+        np.empty(shape, dtype=np.float32),
     )  # fmt: skip

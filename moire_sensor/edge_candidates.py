@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.apart import EXACT
+from moire_sensor.apart import EXACT, UNCOUNTED
 from moire_sensor.edge_find import EdgeRows, Float32
-from moire_sensor.edge_lanes import LANES, lane_rows
+from moire_sensor.edge_lanes import LANES, TOGETHER, lane_rows, vectors_of
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.reference_ray import phase_seen_rad
 
@@ -110,36 +110,47 @@ def intersect_rows(right, begin, behind, projector, ends, up_rad, step_rad, cand
     x_px, sides, number, left_x, half_order = (
         right.x_px, right.side, right.number, candidates.left_x_px, candidates.half_order
     )  # fmt: skip
-    first = np.empty(x_px.shape[1], dtype=np.float64)
+    first_rad = np.empty(x_px.shape[1], dtype=np.float64)
     for y in range(begin, behind):
-        n = number[y]
-        first_orders(x_px[y, :n], sides[y], y, projector, ends, up_rad, step_rad, first, half_order[y])
-        for k in range(left_x.shape[1]):
-            intersect_edges(x_px[y, :n], sides[y], y, first, k, projector, ends, up_rad, step_rad, left_x[y, k])
+        intersect_row(
+            x_px[y], sides[y], vectors_of(number[y]), y, projector, ends, up_rad, step_rad, first_rad, left_x[y],
+            half_order[y],
+        )  # fmt: skip
+
+
+@njit(**UNCOUNTED)
+def intersect_row(x_px, side, vectors, y, projector, ends, up_rad, step_rad, first_rad, left_x, half_order):  # type: ignore[no-untyped-def]
+    """Fill the candidates of row y, those of one number after the other."""
+    first_phases(x_px, side, vectors, y, projector, ends, up_rad, step_rad, first_rad, half_order)
+    for k in range(left_x.shape[0]):
+        intersect_edges(x_px, vectors, y, first_rad, TURN * k, projector, ends, left_x[k])
 
 
 @njit(**EXACT)
-def first_orders(x_px, side, y, projector, ends, up_rad, step_rad, first, half_order):  # type: ignore[no-untyped-def]
-    """Least order of a projected edge that the ray of each edge of row y meets between the ends of its range."""
-    for edge in range(x_px.size):
-        x, edge_rad = np.float64(x_px[edge]), side[edge] * up_rad
-        far = phase_on_ray(projector, x, y, ends[0]) + step_rad
-        near = phase_on_ray(projector, x, y, ends[1]) + step_rad
-        first[edge] = np.ceil((min(far, near) - edge_rad) / TURN)
-        half_order[edge] = np.int32(2.0 * first[edge]) - (edge_rad < 0.0)
+def first_phases(x_px, side, vectors, y, projector, ends, up_rad, step_rad, first_rad, half_order):  # type: ignore[no-untyped-def]
+    """Least phase of a projected edge that the ray of each edge of row y meets between the ends of its range."""
+    for vector in range(vectors):
+        for lane in range(TOGETHER):
+            edge = np.uint64(TOGETHER * vector + lane)
+            x, edge_rad = np.float64(x_px[edge]), side[edge] * up_rad
+            far, near = phase_on_ray(projector, x, y, ends[0]), phase_on_ray(projector, x, y, ends[1])
+            order = np.ceil((min(far, near) + step_rad - edge_rad) * (1.0 / TURN))
+            first_rad[edge] = edge_rad + TURN * order - step_rad
+            half_order[edge] = np.int32(2.0 * order) - np.int32(edge_rad < 0.0)
 
 
 @njit(**EXACT)
-def intersect_edges(x_px, side, y, first, number, projector, ends, up_rad, step_rad, left_x):  # type: ignore[no-untyped-def]
-    """Candidates of one number of row y: on the ray, the absolute phase is the edge's of order 0 and whole turns."""
+def intersect_edges(x_px, vectors, y, first_rad, more_rad, projector, ends, left_x):  # type: ignore[no-untyped-def]
+    """Candidates of one number of row y: on the ray, the phase is the first one and whole turns."""
     least, most, last = ends
-    for edge in range(x_px.size):
-        x = np.float64(x_px[edge])
-        phase = side[edge] * up_rad + TURN * (first[edge] + number)
-        disparity = disparity_on_ray(projector, x, y, phase - step_rad)
-        column = x + disparity
-        inside = (least <= disparity) & (disparity <= most) & (column >= 0.0) & (column <= last)
-        left_x[edge] = column if inside else np.nan
+    for vector in range(vectors):
+        for lane in range(TOGETHER):
+            edge = np.uint64(TOGETHER * vector + lane)
+            x = np.float64(x_px[edge])
+            disparity = disparity_on_ray(projector, x, y, first_rad[edge] + more_rad)
+            column = x + disparity
+            inside = (least <= disparity) & (disparity <= most) & (column >= 0.0) & (column <= last)
+            left_x[edge] = column if inside else np.nan
 
 
 @njit(error_model="numpy", inline="always")

@@ -9,7 +9,8 @@ import numpy.typing as npt
 from numba import njit
 
 from moire_sensor.apart import EXACT, ROW, UNCOUNTED
-from moire_sensor.edge_cost import EDGE_BITS, MOST_EDGES, NO_MATCH, in_units, match_cost
+from moire_sensor.edge_cost import NO_MATCH, in_units, match_cost
+from moire_sensor.edge_lanes import TOGETHER, vectors_of
 
 # Widens the columns in which an edge is looked for: sums of float32 may round the wrong way.
 SLACK_PX = np.float32(0.01)
@@ -37,26 +38,29 @@ class Sides(NamedTuple):
 class Near(NamedTuple):
     """Left edges near a candidate of their side; for N of them in each of the rows abreast, one such block a thread.
 
+    Entry j is right edge j and the last of its candidates that has one; further ones follow behind those of all edges.
+
     Attributes
     ----------
-    spot : (threads, E) int32, for candidates of one number, the place in ``Sides`` of an edge that may be near.
-    candidate, at : (threads, rows, N) int32, candidate k of right edge j as k 2^12 + j, and place in ``Sides``.
+    at, found : (threads, E) int32, of each right edge the place in ``Sides`` of a left edge that may be near one of its
+        candidates, and how many of these have such; then 1 in ``found`` if there may be more entries than one.
+    column : (threads, E) float32, that candidate.
     right, number : (threads, rows, N) int32, the right edge, and which of its candidates.
     left : (threads, rows, N) int32, the left edge.
     away_px : (threads, rows, N) float32, how far it lies from the candidate.
     cost : (threads, rows, N) int32, what their match adds to J, in units of a path; ``NO_MATCH`` if they do not.
-    found : (threads, rows) int64, entries of each row.
+    entries : (threads, rows) int64, entries of each row.
     """
 
-    spot: npt.NDArray[np.int32]
-    candidate: npt.NDArray[np.int32]
     at: npt.NDArray[np.int32]
+    found: npt.NDArray[np.int32]
+    column: npt.NDArray[np.float32]
     right: npt.NDArray[np.int32]
     number: npt.NDArray[np.int32]
     left: npt.NDArray[np.int32]
     away_px: npt.NDArray[np.float32]
     cost: npt.NDArray[np.int32]
-    found: npt.NDArray[np.int64]
+    entries: npt.NDArray[np.int64]
 
 
 def pixels_in_reach(reach_px: float) -> int:
@@ -66,7 +70,7 @@ def pixels_in_reach(reach_px: float) -> int:
 
 @njit(**UNCOUNTED)
 def split_sides(left_x, left_side, left_height, reach, x_px, height, edge, seen):  # type: ignore[no-untyped-def]
-    """Fill the arrays of :class:`Sides` from the edges of a row."""
+    """Fill the arrays of :class:`Sides` from the edges of a row; the place of none, endlessly far."""
     half = x_px.size // 2
     down, up = np.uint64(0), np.uint64(half)
     for i in range(left_x.size):
@@ -75,11 +79,12 @@ def split_sides(left_x, left_side, left_height, reach, x_px, height, edge, seen)
         x_px[at], height[at], edge[at] = left_x[i], left_height[i], i
         up += is_up
         down += np.uint64(1) - is_up
-    x_px[down], x_px[up] = ENDLESS_PX, ENDLESS_PX
+    x_px[down], x_px[up], edge[down] = ENDLESS_PX, ENDLESS_PX, 0
     seen[:] = NOWHERE
     pixels = np.int64(np.float32(2.0) * (reach + SLACK_PX)) + 2
     show(x_px[:down], 0, reach + SLACK_PX, pixels, seen[: seen.size // 2])
     show(x_px[half:up], half, reach + SLACK_PX, pixels, seen[seen.size // 2 :])
+    return np.int32(down)
 
 
 @njit(**ROW)
@@ -95,49 +100,100 @@ def show(x_px, first, reach, pixels, seen):  # type: ignore[no-untyped-def]
 
 
 @njit(**UNCOUNTED)
-def find_near(columns, right_side, m, reach, x_px, seen, spot, candidate, at):  # type: ignore[no-untyped-def]
-    """Note the candidates (K, E) of a row that may have a left edge of their side within reach; their number.
+def find_near(  # type: ignore[no-untyped-def]
+    columns, side, right_height, m, none, rules, x_px, height, edge, seen, at, found, column, right, number, left,
+    away_px, cost,
+):  # fmt: skip
+    """Fill what the entries of a row are: both edges, their distance, and their cost; the number of entries.
 
-    Most have none. Each is written down and only those near an edge are counted: there is no branch that the processor
-    could guess wrong. Indices are unsigned, since numba asks of the others whether they are negative.
+    Of nearly all right edges one candidate (K, E) has a left edge near it: what they are is computed for all at once.
+    ``none`` is a place without an edge.
     """
-    count = np.uint64(0)
+    vectors, half = vectors_of(m), np.int32(seen.size // 2)
+    clear(vectors, none, at, found, column, number)
     for k in range(columns.shape[0]):
-        look_up(columns[k, :m], right_side[:m], seen, spot)
-        for j in range(np.uint64(m)):
-            candidate[count], at[count] = (k << EDGE_BITS) + np.int64(j), spot[j]
-            count += np.uint64(spot[j] >= 0)
-    for entry in range(count):
-        # Two edges of a side within reach of one pixel are rare.
-        k, j = candidate[entry] >> EDGE_BITS, candidate[entry] & MOST_EDGES
-        another, most = np.uint64(at[entry] + 1), columns[k, j] + (reach + SLACK_PX)
-        while x_px[another] <= most:
-            candidate[count], at[count] = candidate[entry], another
-            count, another = count + np.uint64(1), another + np.uint64(1)
-    return np.int64(count)
+        look_up(columns[k], side, seen, half, np.int32(k), vectors, at, found, column, number)
+    confirm(column, right_height, rules, x_px, x_px[1:], height, edge, at, vectors, right, left, away_px, cost, found)
+    count = np.int64(m)
+    for j in range(np.uint64(m)):
+        if found[j] != 0:
+            count = add_others(
+                columns, side[j], right_height[j], j, at[j], rules, x_px, height, edge, seen, count, right, number,
+                left, away_px, cost,
+            )  # fmt: skip
+    return count
 
 
-@njit(**ROW)
-def look_up(columns, side, seen, spot):  # type: ignore[no-untyped-def]
-    """Place of the first edge of its side that may be near each candidate; those discarded are NaN and see nothing."""
-    half = np.int32(seen.size // 2)
+@njit(**EXACT)
+def clear(vectors, none, at, found, column, number):  # type: ignore[no-untyped-def]
+    """Nothing is near any candidate as yet."""
+    for j in range(TOGETHER * vectors):
+        at[j], found[j], column[j], number[j] = none, 0, ZERO, 0
+
+
+@njit(**EXACT)
+def look_up(columns, side, seen, half, k, vectors, at, found, column, number):  # type: ignore[no-untyped-def]
+    """Note candidates ``k`` with an edge of their side that may be near; those discarded are NaN and see nothing."""
+    for vector in range(vectors):
+        for lane in range(TOGETHER):
+            j = np.uint64(TOGETHER * vector + lane)
+            spot = seen[pixel_of(columns[j], side[j], half)]
+            near = spot >= 0
+            found[j] += np.int32(near)
+            at[j] = spot if near else at[j]
+            column[j] = columns[j] if near else column[j]
+            number[j] = k if near else number[j]
+
+
+@njit(inline="always")
+def pixel_of(column, side, half):  # type: ignore[no-untyped-def]
+    """Place in ``seen`` of a candidate; the last one of its side, where nothing is, outside the image."""
     last = np.float32(half - 1)
-    for j in range(columns.size):
-        column = columns[j] if (columns[j] >= ZERO) & (columns[j] < last) else last
-        spot[j] = seen[np.uint32(np.int32(column) + (half if side[j] > 0 else np.int32(0)))]
+    inside = column if (column >= ZERO) & (column < last) else last
+    return np.uint32(np.int32(inside) + (half if side > 0 else np.int32(0)))
 
 
 @njit(**EXACT)
 def confirm(  # type: ignore[no-untyped-def]
-    columns, right_height, rules, x_px, height, edge, candidate, at, right, number, left, away_px, cost
+    column, right_height, rules, x_px, x_behind, height, edge, at, vectors, right, left, away_px, cost, found
 ):
-    """Fill what the entries of a row are: both edges, their distance, and their cost."""
+    """Fill the first entries, one for each right edge; ``found`` is then 1 where there may be more."""
     reach = np.float32(rules.same_side_px)
-    for entry in range(candidate.size):
-        here, k, j = at[entry], candidate[entry] >> np.int32(EDGE_BITS), candidate[entry] & np.int32(MOST_EDGES)
-        right[entry], number[entry] = j, k
-        away = abs(columns[k, j] - x_px[here])
-        higher, lower = max(height[here], right_height[j]), min(height[here], right_height[j])
-        confirmed = (away <= reach) & (higher <= rules.same_height * lower)
-        left[entry], away_px[entry] = edge[here], away
-        cost[entry] = in_units(match_cost(away, rules)) if confirmed else NO_MATCH
+    for vector in range(vectors):
+        for lane in range(TOGETHER):
+            j = np.uint64(TOGETHER * vector + lane)
+            here = np.uint32(at[j])
+            away = abs(column[j] - x_px[here])
+            right[j], left[j], away_px[j] = j, edge[here], away
+            cost[j] = cost_of(away, height[here], right_height[j], reach, rules)
+            more = (found[j] > 1) | (x_behind[here] <= column[j] + (reach + SLACK_PX))
+            found[j] = np.int32(1) if more else np.int32(0)
+
+
+@njit(inline="always")
+def cost_of(away, left_height, right_height, reach, rules):  # type: ignore[no-untyped-def]
+    """What a match adds to J whose left edge is of the candidate's side, in units; ``NO_MATCH`` if it is too far."""
+    higher, lower = max(left_height, right_height), min(left_height, right_height)
+    confirmed = (away <= reach) & (higher <= rules.same_height * lower)
+    return in_units(match_cost(away, rules)) if confirmed else NO_MATCH
+
+
+@njit(**UNCOUNTED)
+def add_others(  # type: ignore[no-untyped-def]
+    columns, side, right_height, j, first, rules, x_px, height, edge, seen, count, right, number, left, away_px, cost
+):
+    """Add the entries of right edge j but its own one, by the left edge in place ``first``; the number of all."""
+    reach, half = np.float32(rules.same_side_px), np.int32(seen.size // 2)
+    for k in range(columns.shape[0]):
+        column = columns[k, j]
+        here = seen[pixel_of(column, side, half)]
+        near = here >= 0
+        while near:
+            if here != first or k != number[j]:
+                away = abs(column - x_px[here])
+                right[count], number[count], left[count], away_px[count] = j, k, edge[here], away
+                cost[count] = cost_of(away, height[here], right_height, reach, rules)
+                count += 1
+            here += 1
+            near = x_px[here] <= column + (reach + SLACK_PX)
+    return count

@@ -120,8 +120,7 @@ class FringeEdges:
     def find(self, images: tuple[Image, Image], room: EdgeRoom) -> None:
         """Find the edges of both images (section 3.3)."""
         scale = 255.0 / self._saturation_level
-        for image, edges in zip(images, (room.left, room.right), strict=True):
-            find_edges(image, self.settings, scale, edges)
+        find_edges(images, self.settings, scale, (room.left, room.right))
 
     def solve(self, left: Image, step_rad: float, room: EdgeRoom) -> Shot:
         """Points from the edges: candidates, correspondences (section 3.4), depth (equation 9) on the left pixels."""

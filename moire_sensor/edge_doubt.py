@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from moire_sensor.apart import UNCOUNTED
+from moire_sensor.apart import EXACT, UNCOUNTED
 from moire_sensor.edge_cost import NEAR, in_units, match_cost
 
 # In place of the number of a right edge: there is a match, but two fringe orders fit.
@@ -23,21 +23,29 @@ def doubt_row(partner, right, left, cost, rules, shift):  # type: ignore[no-unty
     ``right``, ``left`` and ``cost`` are those of :class:`Near`; ``shift`` (E,) holds meanwhile how far in its row the
     other right edge, the last one if there are more, lies from the left one.
     """
+    close = in_units(match_cost(np.float32(NEAR * rules.same_side_px), rules))
+    if count_elsewhere(partner, right, left, cost, close) < rules.doubtful_share * LEAST_RUN:
+        return
     shift[: partner.size] = NO_SHIFT
-    elsewhere, close = np.int64(0), in_units(match_cost(np.float32(NEAR * rules.same_side_px), rules))
     for near in range(right.size):
         edge, other = np.int64(left[near]), np.int64(right[near])
-        fits = (cost[near] <= close) & (partner[edge] != other)
-        shift[edge] = min(shift[edge], edge - other) if fits else shift[edge]
-        elsewhere += np.int64(fits)
-    if elsewhere < rules.doubtful_share * LEAST_RUN:
-        return
+        if cost[near] <= close and partner[edge] != other:
+            shift[edge] = min(shift[edge], edge - other)
     start = 0
     for i in range(1, partner.size + 1):
         if i == partner.size or partner[i - 1] < 0 or partner[i] != partner[i - 1] + 1:
             if i - start >= LEAST_RUN and most_common(shift[start:i]) >= rules.doubtful_share * (i - start):
                 partner[start:i] = DOUBTFUL
             start = i
+
+
+@njit(**EXACT)
+def count_elsewhere(partner, right, left, cost, close):  # type: ignore[no-untyped-def]
+    """How many left edges confirm another match as closely."""
+    number = np.int32(0)
+    for near in range(right.size):
+        number += np.int32((cost[near] <= close) & (partner[np.uint32(left[near])] != right[near]))
+    return number
 
 
 @njit(**UNCOUNTED)

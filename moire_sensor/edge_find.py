@@ -9,16 +9,15 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from moire_sensor.edge_crossing import DOWN, HALF, UP
-from moire_sensor.edge_noise import Grey, camera_noise
-from moire_sensor.edge_scan import SMOOTHING, scan_rows
+from moire_sensor.edge_crossing import HALF
+from moire_sensor.edge_lanes import LANES, whole_vectors
+from moire_sensor.edge_noise import Grey, camera_noises
+from moire_sensor.edge_scan import SHARE_ROWS, SMOOTHING, scan_rows
 from moire_sensor.edge_settings import EdgeSettings
 
 Float32 = npt.NDArray[np.float32]
 # Noise of an edge over camera noise: the smoothed grey level at the edge, and the mean of the two extrema's.
 EDGE_NOISE = float(np.sqrt(1.5 * np.sum(np.square(SMOOTHING))))
-# The share is the same all over the image: some rows tell it well enough.
-SHARE_ROWS = 4
 SHARE_BINS = 1024
 
 
@@ -32,6 +31,8 @@ class EdgeRows(NamedTuple):
     height : (H, E) float32, half the step between trough and peak, grey levels of 255.
     sigma_px : (H, E) float32, predicted standard deviation of ``x_px``.
     number : (H,) int64, edges in each row.
+    shares : (S, E) float32, bright share of the whole fringes of some rows, see :func:`bright_share`.
+    whole_fringes : (S,) int64, whole fringes in each of these.
     """
 
     x_px: Float32
@@ -39,28 +40,41 @@ class EdgeRows(NamedTuple):
     height: Float32
     sigma_px: Float32
     number: npt.NDArray[np.int64]
+    shares: Float32
+    whole_fringes: npt.NDArray[np.int64]
 
 
 def room_for_edges(shape: tuple[int, int]) -> EdgeRows:
-    """Memory for the edges of an image (H, W): extrema are at least two pixels apart."""
-    size = (shape[0], shape[1] // 2 + 2)
-    x_px, height, sigma_px = (np.empty(size, dtype=np.float32) for _ in range(3))
-    return EdgeRows(x_px, np.empty(size, dtype=np.int8), height, sigma_px, np.zeros(shape[0], dtype=np.int64))
+    """Memory for the edges of an image (H, W): extrema are at least two pixels apart, and vectors whole."""
+    height, most = shape[0], whole_vectors(shape[1] // 2 + 1)
+    x_px, heights, sigma_px = (np.empty((height, most), dtype=np.float32) for _ in range(3))
+    side, number = np.empty((height, most), dtype=np.int8), np.zeros(height, dtype=np.int64)
+    share_rows = -(-height // SHARE_ROWS)
+    shares, whole_fringes = np.empty((share_rows, most), dtype=np.float32), np.zeros(share_rows, dtype=np.int64)
+    return EdgeRows(x_px, side, heights, sigma_px, number, shares, whole_fringes)
 
 
-def find_edges(image: Grey, settings: EdgeSettings, scale: float = 1.0, room: EdgeRows | None = None) -> EdgeRows:
-    """Find where the rows of an image (H, W) cross the middle between a peak and a trough.
+def find_edges(
+    images: tuple[Grey, Grey],
+    settings: EdgeSettings,
+    scale: float = 1.0,
+    rooms: tuple[EdgeRows, EdgeRows] | None = None,
+) -> tuple[EdgeRows, EdgeRows]:
+    """Find where the rows of two images (H, W) of one size and type cross the middle between a peak and a trough.
 
     A peak and a trough next to each other differ by at least twice the smallest amplitude. The middle is that of the
     levels that peaks and troughs would have at the edge. They are continued from the neighbour whose level differs
     least, so that shading does not move an edge, and a depth jump spoils the half fringe that it cuts, not more.
 
-    ``scale`` turns grey levels of the image into those of 255. The result lies in ``room`` if it is given.
+    ``scale`` turns grey levels of the images into those of 255. The result lies in ``rooms`` if they are given.
     """
-    edges = room_for_edges(image.shape) if room is None else room  # type: ignore[arg-type]
-    noise = camera_noise(image, scale)
-    amplitude = max(settings.min_amplitude, settings.min_amplitude_to_noise * noise)
-    scan_rows(image, np.float32(scale), np.float32(2.0 * amplitude), np.float32(EDGE_NOISE * noise), edges)
+    shape, wide = images[0].shape, np.int16 if images[0].dtype == np.uint8 else np.int32
+    edges = rooms or (room_for_edges(shape), room_for_edges(shape))  # type: ignore[arg-type]
+    noises = np.array(camera_noises(images, scale))
+    amplitudes = np.maximum(settings.min_amplitude, settings.min_amplitude_to_noise * noises)
+    # Sixteen times the greatest grey level fits.
+    sums = np.empty((2, LANES, shape[1]), dtype=wide)
+    scan_rows(*images, sums, scale, 2.0 * amplitudes, (EDGE_NOISE * noises).astype(np.float32), *edges)
     return edges
 
 
@@ -70,11 +84,21 @@ def bright_share(images: Sequence[EdgeRows]) -> float:
     Half for a linear projector; gamma makes the bright half narrower. The median over the fringes, up edge to down
     edge to the next up edge; 0.5 when there are none.
     """
-    room = np.empty(sum(edges.x_px[::SHARE_ROWS].size for edges in images), dtype=np.float32)
-    number = 0
-    for edges in images:
-        number += fill_shares(edges, SHARE_ROWS, room[number:])
-    return float(median_share(room[:number])) if number else 0.5
+    numbers = np.array([int(edges.whole_fringes.sum()) for edges in images])
+    shares = np.empty(int(numbers.sum()), dtype=np.float32)
+    for edges, end, number in zip(images, np.cumsum(numbers), numbers, strict=True):
+        gather_shares(edges.shares, edges.whole_fringes, shares[end - number : end])
+    return float(median_share(shares)) if shares.size else 0.5
+
+
+@njit(cache=True)
+def gather_shares(rows, number, shares):  # type: ignore[no-untyped-def]
+    """The first numbers of each row, one behind the other."""
+    end = 0
+    for row in range(number.size):
+        for i in range(number[row]):
+            shares[end + i] = rows[row, i]
+        end += number[row]
 
 
 @njit(cache=True)
@@ -100,16 +124,3 @@ def median_share(shares):  # type: ignore[no-untyped-def]
             number += 1
     near.sort()
     return HALF * (near[middles[0] - below] + near[middles[1] - below])
-
-
-@njit(cache=True, error_model="numpy")
-def fill_shares(edges, every_row, shares):  # type: ignore[no-untyped-def]
-    """Bright share of each whole fringe of every ``every_row``-th row; their number."""
-    number = np.int64(0)
-    for y in range(0, edges.number.size, every_row):
-        x, side = edges.x_px[y], edges.side[y]
-        for i in range(2, edges.number[y]):
-            up, down, again = x[i - 2], x[i - 1], x[i]
-            shares[number] = (down - up) / (again - up)
-            number += np.int64((side[i - 2] == UP) & (side[i - 1] == DOWN) & (side[i] == UP))
-    return number

@@ -6,8 +6,19 @@ import numpy as np
 from numba import njit
 
 LANES = 8
-# Rows that one vector of the processor takes at once.
-ABREAST = 8
+# Rows that one vector of the processor takes at once, and numbers of a row.
+ABREAST, TOGETHER = 8, 16
+
+
+def whole_vectors(number: int) -> int:
+    """Room for so many numbers in whole vectors."""
+    return TOGETHER * -(-number // TOGETHER)
+
+
+@njit(inline="always")
+def vectors_of(number):  # type: ignore[no-untyped-def]
+    """Vectors that hold so many numbers."""
+    return (np.int64(number) + TOGETHER - 1) // TOGETHER
 
 
 @njit(inline="always")

@@ -13,7 +13,7 @@ from moire_sensor.edge_candidates import Candidates
 from moire_sensor.edge_confirm import Near, Sides, pixels_in_reach
 from moire_sensor.edge_cost import MOST_EDGES, Rules
 from moire_sensor.edge_find import EdgeRows
-from moire_sensor.edge_lanes import ABREAST
+from moire_sensor.edge_lanes import ABREAST, whole_vectors
 from moire_sensor.edge_programme import Work, match_rows
 
 # Edges are two pixels apart.
@@ -49,6 +49,7 @@ def room_for_work(edges: int, candidates: int, reach_px: float, width_px: int = 
         return np.empty((THREADS, *shape), dtype=dtype)
 
     # Edges of one side are a pixel apart or more.
+    edges = whole_vectors(edges)
     near, split = (ABREAST, edges * candidates * (int(2.0 * reach_px) + 3)), 2 * (edges + 1)
     return (
         Sides(
@@ -58,15 +59,15 @@ def room_for_work(edges: int, candidates: int, reach_px: float, width_px: int = 
             seen=table(2 * (width_px + pixels_in_reach(reach_px) + 1), dtype=np.int32),
         ),
         Near(
-            spot=table(edges, dtype=np.int32),
-            candidate=table(*near, dtype=np.int32),
-            at=table(*near, dtype=np.int32),
+            at=table(edges, dtype=np.int32),
+            found=table(edges, dtype=np.int32),
+            column=table(edges, dtype=np.float32),
             right=table(*near, dtype=np.int32),
             number=table(*near, dtype=np.int32),
             left=table(*near, dtype=np.int32),
             away_px=table(*near, dtype=np.float32),
             cost=table(*near, dtype=np.int32),
-            found=table(ABREAST, dtype=np.int64),
+            entries=table(ABREAST, dtype=np.int64),
         ),
         rows_abreast((THREADS, edges)),
         rows_abreast((THREADS, edges)),

@@ -8,10 +8,13 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from moire_sensor.apart import EXACT
+
 Grey = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 # Every fourth column is enough: 77 000 differences of a 640x480 image tell a standard deviation to 0.3 %.
 EVERY_COLUMN = 4
-QUANTISATION_NOISE = 12.0**-0.5
+# That of rounding to whole grey levels.
+LEAST_NOISE = 12.0**-0.5
 CLIPPING_ROUNDS = 8
 # Variance of a normal distribution over its variance within three standard deviations.
 CLIPPED_SHARE = 1.0 / 0.9733
@@ -20,15 +23,21 @@ LANES, TURNS = 8, 4
 
 
 def camera_noise(image: Grey, scale: float = 1.0) -> float:
-    """Standard deviation of the camera noise of an image (H, W): neighbouring rows differ by little else.
+    """Standard deviation of the camera noise of an image (H, W), as of :func:`camera_noises`."""
+    return camera_noises((image,), scale)[0]
+
+
+def camera_noises(images: tuple[Grey, ...], scale: float = 1.0) -> list[float]:
+    """Standard deviations of the camera noise of images (H, W) of one type: neighbouring rows differ by little else.
 
     Differences beyond three standard deviations, at surface borders, are left out again and again; a median of whole
-    grey levels would be too coarse. ``scale`` turns grey levels of the image into those of 255.
+    grey levels would be too coarse. ``scale`` turns grey levels of the images into those of 255.
     """
-    turns = TURNS if image.dtype == np.uint8 else 1
-    counts = np.zeros((LANES, turns, np.iinfo(image.dtype).max + 1), dtype=np.int64)
-    count_differences(image, counts)
-    return max(math.sqrt(0.5 * clipped_variance(counts.reshape(LANES * turns, -1), scale)), QUANTISATION_NOISE)
+    levels = np.iinfo(images[0].dtype).max + 1
+    turns = TURNS if levels == 256 else 1
+    counts = np.zeros((len(images), LANES, turns, levels), dtype=np.int64)
+    count_differences(images, counts)
+    return [max(math.sqrt(0.5 * clipped_variance(own.reshape(-1, levels), scale)), LEAST_NOISE) for own in counts]
 
 
 @njit(cache=True)
@@ -52,17 +61,26 @@ def clipped_variance(counts, scale):  # type: ignore[no-untyped-def]
 
 
 @njit(parallel=True, cache=True)
-def count_differences(image, counts):  # type: ignore[no-untyped-def]
+def count_differences(images, counts):  # type: ignore[no-untyped-def]
     """Count the absolute differences of each pixel of every fourth column to the pixel below, lane by lane."""
-    for index in prange(LANES):
-        for y in range(index, image.shape[0] - 1, LANES):
-            count_row(image[y], image[y + 1], counts[index])
+    for index in prange(len(images) * LANES):
+        lane, image = index % LANES, images[index // LANES]
+        differences = np.empty(image.shape[1], dtype=np.uint16)
+        for y in range(lane, image.shape[0] - 1, LANES):
+            subtract(image[y], image[y + 1], differences)
+            count_row(differences, counts[index // LANES, lane])
+
+
+@njit(**EXACT)
+def subtract(above, below, differences):  # type: ignore[no-untyped-def]
+    """Absolute differences of two rows."""
+    for x in range(differences.size):
+        differences[x] = abs(np.int32(below[x]) - np.int32(above[x]))
 
 
 @njit
-def count_row(above, below, counts):  # type: ignore[no-untyped-def]
+def count_row(differences, counts):  # type: ignore[no-untyped-def]
     """Count the differences of two rows in turn in each of a lane's counts: next to each other most are the same, and
     the processor would have to wait for a count before it can add to it again."""
-    for x in range(0, above.size, EVERY_COLUMN):
-        difference = abs(np.int64(below[x]) - np.int64(above[x]))
-        counts[np.uint64(x // EVERY_COLUMN) & np.uint64(counts.shape[0] - 1), np.uint64(difference)] += 1
+    for x in range(0, differences.size, EVERY_COLUMN):
+        counts[np.uint64(x // EVERY_COLUMN) & np.uint64(counts.shape[0] - 1), np.uint64(differences[x])] += 1

@@ -9,61 +9,91 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.edge_crossing import mark_edges
-from moire_sensor.edge_lanes import LANES, lane_rows
+from moire_sensor.apart import EXACT, UNCOUNTED
+from moire_sensor.edge_crossing import DOWN, REALS, UP, WHOLES, mark_edges
+from moire_sensor.edge_lanes import LANES, TOGETHER, lane_rows
 
 SMOOTHING = (1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0)
-OUTER, INNER, CENTRE = (np.float32(weight) for weight in SMOOTHING[:3])
+# Sums under the smoothing before they are divided.
+WEIGHT = 16.0
 # Smoothing and the parabola of an extremum each reach two pixels to either side.
 BORDER_PX = 4
-ONE = np.float32(1.0)
+# The bright share of the fringes is the same all over the image: some rows tell it well enough.
+SHARE_ROWS = 4
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
-def scan_rows(image, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
-    """Fill ``edges`` (EdgeRows) from an image whose grey levels times ``scale`` are those of 255."""
-    for lane in prange(LANES):
-        scan_lane(image, lane, scale, contrast, edge_noise, edges)
+def scan_rows(left, right, sums, scale, contrasts, edge_noises, left_edges, right_edges):  # type: ignore[no-untyped-def]
+    """Fill the edges (EdgeRows) of both images (H, W), whose grey levels times ``scale`` are those of 255.
+
+    ``sums`` (2, LANES, W) is memory for whole numbers of 16 times the greatest grey level.
+    """
+    for index in prange(2 * LANES):
+        lane = index % LANES
+        if index < LANES:
+            scan_lane(left, lane, sums[0, lane], scale, contrasts[0], edge_noises[0], left_edges)
+        else:
+            scan_lane(right, lane, sums[1, lane], scale, contrasts[1], edge_noises[1], right_edges)
 
 
 @njit(error_model="numpy")
-def scan_lane(image, lane, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
+def scan_lane(image, lane, sums, scale, contrast, edge_noise, edges):  # type: ignore[no-untyped-def]
     """Fill the rows of a lane."""
-    width, most = image.shape[1], edges.x_px.shape[1]
+    x_px, side, height, sigma_px, edge_number = edges.x_px, edges.side, edges.height, edges.sigma_px, edges.number
+    shares, whole_fringes = edges.shares, edges.whole_fringes
+    width, most = image.shape[1], x_px.shape[1] + TOGETHER
     smooth, turning = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.uint8)
-    turns, extrema = np.empty(width + 1, dtype=np.int32), np.empty(most, dtype=np.int32)
-    levels, columns = np.empty((4, most), dtype=np.float32), np.empty((2, most), dtype=np.int32)
+    turns, extrema = np.empty(width + 1, dtype=np.int32), np.full(most, BORDER_PX, dtype=np.int32)
+    reals, wholes = np.zeros((REALS, most), dtype=np.float32), np.zeros((WHOLES, most), dtype=np.int32)
+    apart = np.int64(np.ceil(contrast * WEIGHT / scale))
     for y in range(*lane_rows(lane, image.shape[0])):
-        smooth_row(image[y], scale, smooth)
-        turns_found = mark_turns(smooth, turning, turns)
-        found = mark_extrema(smooth, turns[:turns_found], contrast, extrema)
-        edges.number[y] = mark_edges(
-            smooth, extrema[:found], levels, columns, edge_noise, edges.x_px[y], edges.side[y],
-            edges.height[y], edges.sigma_px[y],
-        )  # fmt: skip
+        sum_taps(image[y], sums)
+        scale_sums(sums, np.float32(scale / WEIGHT), smooth)
+        turns_found = mark_turns(sums, turning, turns)
+        found = mark_extrema(sums, turns[:turns_found], apart, extrema)
+        number = mark_edges(smooth, extrema, found, reals, wholes, edge_noise, x_px[y], side[y], height[y], sigma_px[y])
+        edge_number[y] = number
+        if y % SHARE_ROWS == 0:
+            at = y // SHARE_ROWS
+            whole_fringes[at] = fill_shares(x_px[y, :number], side[y], shares[at])
+
+
+@njit(**UNCOUNTED)
+def fill_shares(x, side, shares):  # type: ignore[no-untyped-def]
+    """Bright share of each whole fringe of a row, up edge to down edge to the next up edge; their number."""
+    number = np.int64(0)
+    for i in range(2, x.size):
+        up, down, again = x[i - 2], x[i - 1], x[i]
+        shares[number] = (down - up) / (again - up)
+        number += np.int64((side[i - 2] == UP) & (side[i - 1] == DOWN) & (side[i] == UP))
+    return number
 
 
 @njit
-def smooth_row(image, scale, smooth):  # type: ignore[no-untyped-def]
-    """A row under a binomial of five; the border pixels are repeated."""
-    last = image.size - 1
+def sum_taps(image, sums):  # type: ignore[no-untyped-def]
+    """A row under 16 times a binomial of five; the border pixels are repeated."""
     # Slices, since indices that might be negative keep the loop from being vectorised.
-    add_taps(image[:-4], image[1:-3], image[2:-2], image[3:-1], image[4:], scale, smooth[2:-2])
+    add_taps(image[:-4], image[1:-3], image[2:-2], image[3:-1], image[4:], sums[2:-2])
+    last = image.size - 1
     for x in (0, 1, last - 1, last):
-        before, after = max(x - 2, 0), min(x + 1, last)
-        add_taps(
-            image[before : before + 1], image[max(x - 1, 0) : max(x, 1)], image[x : x + 1], image[after : after + 1],
-            image[min(x + 2, last) : min(x + 3, last + 1)], scale, smooth[x : x + 1],
-        )  # fmt: skip
+        outer = np.int64(image[max(x - 2, 0)]) + np.int64(image[min(x + 2, last)])
+        inner = np.int64(image[max(x - 1, 0)]) + np.int64(image[min(x + 1, last)])
+        sums[x] = outer + 4 * inner + 6 * np.int64(image[x])
 
 
-@njit
-def add_taps(first, second, third, fourth, fifth, scale, target):  # type: ignore[no-untyped-def]
-    """Weighted sum of five neighbours."""
-    for x in range(target.size):
-        outer = np.float32(first[x]) + np.float32(fifth[x])
-        inner = np.float32(second[x]) + np.float32(fourth[x])
-        target[x] = scale * (OUTER * outer + INNER * inner + CENTRE * np.float32(third[x]))
+@njit(**EXACT)
+def add_taps(first, second, third, fourth, fifth, sums):  # type: ignore[no-untyped-def]
+    """16 times the weighted sum of five neighbours."""
+    for x in range(sums.size):
+        outer, inner = np.int32(first[x]) + np.int32(fifth[x]), np.int32(second[x]) + np.int32(fourth[x])
+        sums[x] = outer + 4 * inner + 6 * np.int32(third[x])
+
+
+@njit(**EXACT)
+def scale_sums(sums, unit, smooth):  # type: ignore[no-untyped-def]
+    """Grey levels from sums."""
+    for x in range(smooth.size):
+        smooth[x] = unit * np.float32(np.int32(sums[x]))
 
 
 @njit
@@ -81,7 +111,7 @@ def mark_turns(row, turning, turns):  # type: ignore[no-untyped-def]
     return number + 1
 
 
-@njit
+@njit(**EXACT)
 def find_turns(before, here, after, turning):  # type: ignore[no-untyped-def]
     """1 where three neighbours rise and then do not, or fall and then do not; else 0."""
     for x in range(here.size):
@@ -121,7 +151,7 @@ def first_swing(row, turns, contrast):  # type: ignore[no-untyped-def]
         level = row[turns[at]]
         top, bottom = max(top, level), min(bottom, level)
         if level <= top - contrast:
-            return at, -ONE
+            return at, -1
         if level >= bottom + contrast:
-            return at, ONE
-    return turns.size, ONE
+            return at, 1
+    return turns.size, 1

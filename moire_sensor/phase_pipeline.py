@@ -163,7 +163,7 @@ class PhasePipeline:
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
         if self._by_stereo:
             extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
-            bridge(match, greys, phases[0].amplitude, self.settings)
+            bridge(match, greys, phases[0].amplitude, self._rad_per_px, self.settings)
             close_rims(match, greys[0], phases[0], self._projector, self.settings)
             if way.single:
                 drop_slivers(match.disparity_px, SLIVER_PX)

@@ -9,8 +9,8 @@ import numpy.typing as npt
 from dense_rigs import Array, Float32
 
 from moire_sensor import depth_border as border
+from moire_sensor import depth_narrow, depth_trust, depth_window
 from moire_sensor import depth_offer as fit
-from moire_sensor import depth_trust, depth_window
 from moire_sensor.depth_refine import Match
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.phase_image import PhaseImage
@@ -20,7 +20,7 @@ from moire_sensor.settings import Settings
 Mask = npt.NDArray[np.bool_]
 NOISE = 1.5
 AMPLITUDE, BACKGROUND = 70.0, 90.0
-RIM = fit.RIM_PX
+RIM, JUMP, STEP = fit.RIM_PX, depth_trust.JUMP_PX, depth_narrow.STEP_PX
 PROJECTOR = ProjectorMap.build(paper_rig(), paper_pattern())
 
 
@@ -178,13 +178,47 @@ def slow_neighbours(trust: Mask, y: int, x: int) -> list[tuple[int, int]]:
     return found
 
 
-def slow_offer(
-    views: tuple[Float32, Float32], disparity: Float32, claim: Float32, y: int, x: int, y0: int, x0: int
-) -> tuple[float, float, float] | None:
-    """Difference in amplitudes, disparity and sigma of the plane of (y0, x0) at (y, x), None where it is refused."""
+Plane = tuple[float, float, float]
+
+
+def slow_plane(disparity: Float32, y: int, x: int, y0: int, x0: int) -> Plane:
+    """What the plane of trusted pixel (y0, x0) offers to (y, x)."""
     along = float(disparity[y0, x0 + RIM] - disparity[y0, x0 - RIM]) / (2 * RIM)
     across = float(disparity[y0 + RIM, x0] - disparity[y0 - RIM, x0]) / (2 * RIM)
-    d = float(disparity[y0, x0]) + along * (x - x0) + across * (y - y0)
+    return float(disparity[y0, x0]) + along * (x - x0) + across * (y - y0), along, across
+
+
+def slow_runs(disparity: Float32, trust: Mask, y: int, x: int) -> list[tuple[int, Plane, bool]]:
+    """First columns of the runs left and right that offer something, that, and whether only if nothing else is."""
+    height, width = disparity.shape
+    found = []
+    for step in (-1, 1):
+        line = [float(disparity[y, at]) for at in (range(x, width) if step > 0 else range(x, -1, -1))]
+        reliable = [bool(trust[y, x + step * away]) for away in range(len(line))]
+        other = [away for away, d in enumerate(line) if away and np.isfinite(d) and not abs(d - line[0]) < STEP]
+        if not other or other[0] > depth_narrow.LOOK_PX:
+            continue
+        first = end = other[0]
+        while end + 1 < len(line) and abs(line[end + 1] - line[end]) < STEP:
+            end += 1
+        rows = [max(y - depth_narrow.UPRIGHT_PX, 0), min(y + depth_narrow.UPRIGHT_PX, height - 1)]
+        upright = all(abs(disparity[row, x + step * first] - line[first]) < JUMP for row in rows)
+        last = first + depth_narrow.LEAST_RUN_PX - 1
+        if last > end or not upright:
+            continue
+        if not any(reliable[first : end + 1]):
+            along = (line[last] - line[first]) / (step * (last - first))
+            found.append((x + step * first, (line[first] - along * step * first, along, 0.0), False))
+        elif first == 1 and np.isnan(line[0]):
+            found.append((x + step, (line[1], 0.0, 0.0), True))
+    return found
+
+
+def slow_offer(
+    views: tuple[Float32, Float32], disparity: Float32, claim: Float32, y: int, x: int, x0: int, plane: Plane
+) -> tuple[float, float, float] | None:
+    """Difference in amplitudes, disparity and sigma of a plane offered from column x0, None where it is refused."""
+    d, along, across = plane
     phase_rad = float(PROJECTOR.phase_rad_at(np.array(float(x)), np.array(float(y)), d))
     lacks = BACKGROUND + AMPLITUDE * np.cos(phase_rad) - float(views[0][y, x])
     if lacks > fit.DIM_SHARE * AMPLITUDE + 3 * NOISE or -lacks > fit.GLARE_SHARE * AMPLITUDE + 3 * NOISE:
@@ -204,14 +238,32 @@ def slow_offer(
     return slow_difference(views, y, x, (d, along, across)) / AMPLITUDE, d, float(np.sqrt(variance))
 
 
+def slow_lit(left: Float32, y: int, x: int, disparity: float, along: float) -> bool:
+    """Whether a piece of row that holds the pixel has most of the light that the plane promises."""
+    for first in (x - fit.LIT_PX // 2, x - fit.LIT_PX + 1, x):
+        at = np.arange(max(first, 0), min(first + fit.LIT_PX, left.shape[1]))
+        phase_rad = PROJECTOR.phase_rad_at(at.astype(float), np.full(at.size, float(y)), disparity + along * (at - x))
+        promised = float((BACKGROUND + AMPLITUDE * np.cos(phase_rad)).sum())
+        if left[y, at].sum() > fit.LIT_SHARE * promised - 3.0 * np.sqrt(fit.LIT_PX) * NOISE:
+            return True
+    return False
+
+
 def slow_round(views: tuple[Float32, Float32], images: Array, trust: Mask, todo: Mask) -> Array:
     """One round of the assignment on (4, H, W) images of a match."""
     disparity, result = images[0], images.copy()
     claim = slow_claims(disparity, trust)
     allowed = 2 * NOISE / AMPLITUDE + Settings().max_border_misfit
     for y, x in np.argwhere(todo & ~trust):
-        offers = [slow_offer(views, disparity, claim, y, x, *at) for at in slow_neighbours(trust, y, x)]
-        good = [offer for offer in offers if offer is not None and np.isfinite(offer[0])]
+        planes = [(at[1], slow_plane(disparity, y, x, *at), False) for at in slow_neighbours(trust, y, x)]
+        good: list[tuple[float, float, float]] = []
+        for x0, plane, alone in planes + slow_runs(disparity, trust, y, x):
+            offer = None if alone and good else slow_offer(views, disparity, claim, y, x, x0, plane)
+            if offer is None or not np.isfinite(offer[0]):
+                continue
+            leads = all(offer[0] < other[0] for other in good)
+            if not leads or slow_lit(views[0], y, x, offer[1], plane[1]):
+                good.append(offer)
         best, chosen, sigma = min(good, key=lambda offer: offer[0], default=(np.inf, np.nan, np.nan))
         own, here = np.inf, float(disparity[y, x])
         if np.isfinite(here) and not is_taken(claim, y, x, here):

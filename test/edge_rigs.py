@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.edge_find import EdgeRows
+from moire_sensor.edge_lanes import whole_vectors
 from moire_sensor.paper_rig import (
     CX_PX,
     IMAGE_SIZE,
@@ -49,7 +50,7 @@ def rigs_under_test() -> dict[str, StereoRig]:
 
 def edge_rows(rows: list[list[tuple[float, int]]], height: float = 50.0) -> EdgeRows:
     """Edges given as (column, side), row by row."""
-    most = max([1, *(len(row) for row in rows)])
+    most = whole_vectors(max([1, *(len(row) for row in rows)]))
     x_px = np.full((len(rows), most), np.nan, dtype=np.float32)
     side = np.zeros(x_px.shape, dtype=np.int8)
     for y, row in enumerate(rows):
@@ -57,7 +58,8 @@ def edge_rows(rows: list[list[tuple[float, int]]], height: float = 50.0) -> Edge
             x_px[y, number], side[y, number] = x, up
     heights = np.full(x_px.shape, height, dtype=np.float32)
     counts = np.array([len(row) for row in rows], dtype=np.int64)
-    return EdgeRows(x_px, side, heights, np.full(x_px.shape, 0.05, dtype=np.float32), counts)
+    sigma_px, shares = np.full(x_px.shape, 0.05, dtype=np.float32), np.zeros((0, most), dtype=np.float32)
+    return EdgeRows(x_px, side, heights, sigma_px, counts, shares, np.zeros(0, dtype=np.int64))
 
 
 def random_edges(generator: np.random.Generator, first: float, last: float, count: int) -> list[tuple[float, int]]:

@@ -14,6 +14,7 @@ from moire_sensor.settings import Settings
 
 HEIGHT, WIDTH = 40, 160
 FIRST, NOISE = 18, 1.5
+RAD_PER_PX = 2.0 * np.pi / 18.0
 # Disparity above and below the gap.
 ABOVE_PX, BELOW_PX = 20.0, 23.0
 
@@ -50,7 +51,8 @@ def filled(length: int, below_px: float = BELOW_PX, seen: Array | None = None, d
     true = surface(length, below_px)
     match = match_of(true, length)
     amplitude = np.full(true.shape, 72.0 * dim, dtype=np.float32)
-    bridge(match, views(true if seen is None else seen, dim), amplitude, replace(Settings(), image_noise=NOISE))
+    greys = views(true if seen is None else seen, dim)
+    bridge(match, greys, amplitude, RAD_PER_PX, replace(Settings(), image_noise=NOISE))
     return match.disparity_px
 
 
@@ -79,7 +81,7 @@ def test_the_mixed_pixels_of_a_dark_face_tell_where_it_begins(length: int, lit: 
     match = match_of(true, length)
     amplitude = np.full(true.shape, 72.0, dtype=np.float32)
     amplitude[FIRST : FIRST + length] *= 0.15
-    bridge(match, (left, right), amplitude, Settings())
+    bridge(match, (left, right), amplitude, RAD_PER_PX, Settings())
     face = (slice(FIRST, FIRST + length), slice(30, WIDTH - 5))
     found, known = match.disparity_px[face], np.isfinite(match.disparity_px[face])
     slope = (BELOW_PX - ABOVE_PX) / (ends[1] - ends[0])
@@ -92,7 +94,7 @@ def test_the_mixed_pixels_of_a_dark_face_tell_where_it_begins(length: int, lit: 
 def test_sigma_tells_the_doubt_about_the_ends() -> None:
     true = surface(4)
     match = match_of(true, 4)
-    bridge(match, views(true), np.full(true.shape, 72.0, dtype=np.float32), Settings())
+    bridge(match, views(true), np.full(true.shape, 72.0, dtype=np.float32), RAD_PER_PX, Settings())
     slope = (BELOW_PX - ABOVE_PX) / 5.0
     np.testing.assert_allclose(match.sigma_px[FIRST : FIRST + 4, 30:-5], 0.02 + 0.25 * slope, rtol=1e-5)
     assert np.isnan(match.signed_mismatch_rad[FIRST : FIRST + 4, 30:-5]).all()
@@ -117,8 +119,43 @@ def test_a_mixed_end_does_not_tilt_the_bridge() -> None:
     match.disparity_px[FIRST] = ABOVE_PX + 0.1
     amplitude = np.full(true.shape, 72.0, dtype=np.float32)
     amplitude[FIRST : FIRST + 5] = 30.0
-    bridge(match, views(true), amplitude, Settings())
+    bridge(match, views(true), amplitude, RAD_PER_PX, Settings())
     np.testing.assert_allclose(match.disparity_px[:, 30:-5], true[:, 30:-5], atol=1e-5)
+
+
+def beside(step_px: float, dark: float | None, crest: float) -> Array:
+    """Gap of three columns, whose bridge is wanted, between two boards that face the head, seen in dark or in fringes.
+
+    The fringes of the left board are brightest at column ``crest``. The right camera sees nothing of the face.
+    """
+    x = np.arange(WIDTH)
+    disparity = np.where(x < 60, ABOVE_PX, ABOVE_PX + step_px) + np.zeros((HEIGHT, 1))
+    match = match_of(disparity, 0)
+    match.disparity_px[:, 60:63] = np.nan
+    left, right = (
+        90.0 * (1.0 + 0.8 * np.cos(RAD_PER_PX * (x - crest + shift))) for shift in (0.0 * disparity, disparity)
+    )
+    if dark is not None:
+        left[:, 60:63] = dark
+    noise = np.random.default_rng(4).normal(0.0, NOISE, (2, HEIGHT, WIDTH))
+    amplitude = np.full(disparity.shape, 72.0, dtype=np.float32)
+    greys = np.float32(left + noise[0]), np.float32(right + noise[1])
+    bridge(match, greys, amplitude, RAD_PER_PX, replace(Settings(), image_noise=NOISE))
+    return np.asarray(match.disparity_px[:, 60:63], dtype=float)
+
+
+def test_a_dark_face_too_steep_for_the_right_camera_lies_between_its_ends() -> None:
+    line = ABOVE_PX + 2.6 * np.array([[0.25, 0.5, 0.75]] * HEIGHT)
+    np.testing.assert_allclose(beside(2.6, 25.0, 61.0), line, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("step_px", "dark", "crest"),
+    [(2.6, None, 55.0), (2.6, None, 58.0), (2.6, 25.0, 70.0), (3.4, 25.0, 61.0), (0.9, 25.0, 61.0), (-2.6, 25.0, 61.0)],
+)
+def test_a_steep_gap_is_left_unknown(step_px: float, dark: float | None, crest: float) -> None:
+    """Fringes go on, or are as dark themselves; the step is too high, too low for the gap, or the other way."""
+    assert np.isnan(beside(step_px, dark, crest)).all()
 
 
 def test_known_pixels_and_open_ends_stay_bit_for_bit() -> None:
@@ -126,5 +163,5 @@ def test_known_pixels_and_open_ends_stay_bit_for_bit() -> None:
     match = match_of(true, 4)
     match.disparity_px[FIRST:] = np.nan
     before = match.disparity_px.copy()
-    bridge(match, views(true), np.full(true.shape, 72.0, dtype=np.float32), Settings())
+    bridge(match, views(true), np.full(true.shape, 72.0, dtype=np.float32), RAD_PER_PX, Settings())
     np.testing.assert_array_equal(match.disparity_px, before)

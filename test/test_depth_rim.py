@@ -11,6 +11,7 @@ from dense_rigs import Array, Float32
 
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_rim import SIGMA_PX, close_rims
+from moire_sensor.phase_image import PhaseImage
 from moire_sensor.settings import Settings
 
 SCENE = Scene(shape=(12, 120), rows=(0, 12), columns=(60, 90), shadow_px=0)
@@ -41,11 +42,11 @@ class Edge:
         grey[:, self.column] = self.share_of_plate * plate + (1.0 - self.share_of_plate) * wall
         return np.float32(grey + np.random.default_rng(5).normal(0.0, self.noise, SCENE.shape))
 
-    def closed(self, view: Float32 | None = None) -> Match:
+    def closed(self, view: Float32 | None = None, phase: PhaseImage | None = None) -> Match:
         disparity = SCENE.disparity_px
         disparity[:, self.column] = np.nan
         match = SCENE.match(disparity)
-        close_rims(match, self.view() if view is None else view, SCENE.phase(), PROJECTOR, Settings())
+        close_rims(match, self.view() if view is None else view, phase or SCENE.phase(), PROJECTOR, Settings())
         return match
 
 
@@ -118,11 +119,25 @@ def test_a_given_pixel_is_told_from_a_measured_one_and_known_ones_stay_bit_for_b
         np.testing.assert_array_equal(image[:, LEFT + 1 :], old[:, LEFT + 1 :])
 
 
-def test_weak_fringes_tell_nothing() -> None:
+@pytest.mark.parametrize(("sigmas", "told"), [(19.0, False), (22.0, True)])
+def test_weak_fringes_tell_nothing(sigmas: float, told: bool) -> None:
+    """Brighter fringes of the same scene tell."""
+    weak = np.float32(sigmas * Settings().image_noise / AMPLITUDE)
     phase = SCENE.phase()
-    phase.amplitude[:] = 19.0 * Settings().image_noise
+    phase.amplitude[:] *= weak
     disparity = SCENE.disparity_px
-    disparity[:, LEFT] = np.nan
+    disparity[:, RIGHT] = np.nan
     match = SCENE.match(disparity)
-    close_rims(match, Edge(LEFT, 0.0).view(), phase, PROJECTOR, Settings())
-    assert np.isnan(match.disparity_px[:, LEFT]).all()
+    view = BACKGROUND + weak * (Edge(RIGHT, 0.0).view() - np.float32(BACKGROUND))
+    close_rims(match, np.float32(view), phase, PROJECTOR, Settings())
+    assert (np.isfinite(match.disparity_px[ROWS, RIGHT]) == told).all()
+
+
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_the_light_is_measured_behind_the_edge(share: float) -> None:
+    """The window of the phase may hold a shadow there, which makes amplitude and background too small, one more so."""
+    phase = SCENE.phase()
+    phase.amplitude[:, RIGHT - 20 : RIGHT + 20] *= np.float32(0.4)
+    phase.background[:, RIGHT - 20 : RIGHT + 20] *= np.float32(0.8)
+    edge = Edge(RIGHT, share)
+    np.testing.assert_array_equal(on_plate(edge.closed(phase=phase), RIGHT), np.round(share))

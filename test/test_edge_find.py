@@ -9,7 +9,7 @@ from moire_sensor import edge_find
 from moire_sensor.edge_crossing import DOWN, UP
 from moire_sensor.edge_find import EdgeRows, bright_share
 from moire_sensor.edge_noise import camera_noise
-from moire_sensor.edge_scan import BORDER_PX, mark_extrema, mark_turns, smooth_row
+from moire_sensor.edge_scan import BORDER_PX, mark_extrema, mark_turns, sum_taps
 from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.errors import SettingsError
 
@@ -22,7 +22,8 @@ EXACT_PX = 0.01
 
 def find_edges(image: np.ndarray, settings: EdgeSettings) -> EdgeRows:
     """Edges of an image in grey levels of 255, given as sixteen bits: rounded to 1/256 of a level."""
-    return edge_find.find_edges(np.round(image * 256.0).astype(np.uint16), settings, 1.0 / 256.0)
+    whole = np.round(image * 256.0).astype(np.uint16)
+    return edge_find.find_edges((whole, whole), settings, 1.0 / 256.0)[0]
 
 
 def fringes(phase_rad: np.ndarray, amplitude: float = 70.0) -> np.ndarray:
@@ -154,10 +155,10 @@ def test_a_dim_or_constant_image_has_no_edges() -> None:
 
 def test_smoothing_keeps_the_mean_and_the_size() -> None:
     row = np.random.default_rng(7).integers(0, 65536, 40).astype(np.uint16)
-    smooth = np.empty(40, dtype=np.float32)
-    smooth_row(row, np.float32(1.0 / 257.0), smooth)
-    expected = np.convolve(np.pad(row / 257.0, 2, mode="edge"), np.array([1, 4, 6, 4, 1]) / 16.0, mode="valid")
-    np.testing.assert_allclose(smooth, expected, rtol=1e-5)
+    sums = np.empty(40, dtype=np.int32)
+    sum_taps(row, sums)
+    expected = np.convolve(np.pad(row.astype(np.int64), 2, mode="edge"), np.array([1, 4, 6, 4, 1]), mode="valid")
+    assert np.array_equal(sums, expected)
 
 
 @pytest.mark.parametrize("gamma", [1.0, 2.2])

@@ -11,6 +11,7 @@ from edge_rigs import edge_rows, random_edges
 from moire_sensor.edge_candidates import Candidates
 from moire_sensor.edge_cost import NEAR, TIE_BREAK, matching_rules
 from moire_sensor.edge_find import EdgeRows
+from moire_sensor.edge_lanes import whole_vectors
 from moire_sensor.edge_match import EdgeMatch, match_edges
 from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.edge_spread import drop_loners
@@ -23,7 +24,8 @@ SAME_SIDE_PX = 0.072 * PERIOD_PX
 def candidates_at(columns: list[list[list[float]]], orders: list[list[int]] | None = None) -> Candidates:
     """Candidates given row by row, edge by edge."""
     most = max([1, *(len(edge) for row in columns for edge in row)])
-    left_x = np.full((len(columns), most, max([1, *(len(row) for row in columns)])), np.nan, dtype=np.float32)
+    room = whole_vectors(max([1, *(len(row) for row in columns)]))
+    left_x = np.full((len(columns), most, room), np.nan, dtype=np.float32)
     half_order = np.zeros(left_x[:, 0].shape, dtype=np.int32)
     for y, row in enumerate(columns):
         for number, edge in enumerate(row):
@@ -38,7 +40,8 @@ Edges = list[tuple[float, int]]
 
 def matched(left: EdgeRows, right: EdgeRows, candidates: Candidates, settings: EdgeSettings | None = None) -> EdgeMatch:
     settings = settings or EdgeSettings()
-    return match_edges(left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings))
+    match = match_edges(left, right, candidates, matching_rules(RANGE_PX, PERIOD_PX, settings))
+    return EdgeMatch(*(numbers[:, : left.number.max()] for numbers in match))
 
 
 def slow_unlike(left: tuple[float, int], right: tuple[float, int], candidates: list[float], s: EdgeSettings) -> float:
