@@ -9,7 +9,7 @@ frames, so the whole is one fixed filter along them.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -83,7 +83,7 @@ class StepFilter:
         return np.pad(filters, ((0, 0), (0, -frame_count % 5))).astype(np.float32)
 
     @classmethod
-    @cache
+    @lru_cache(maxsize=64)
     def build(cls, step_phases_rad: tuple[float, ...], first_step: int, frame_count: int) -> StepFilter:
         """Filter of ``frame_count`` frames, frame i carrying step (first_step + i) mod N.
 
