@@ -16,7 +16,7 @@ from moire_sensor.depth_narrow import NO_RUN, run_offered
 from moire_sensor.depth_offer import RIM_PX, fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import FAR, JUMP_PX, ROW_REACH_PX, Trust
-from moire_sensor.depth_window import small_difference
+from moire_sensor.depth_window import LEVEL_PX, level_difference
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
@@ -29,6 +29,8 @@ SIDES, OFFERS = 4, 6
 NOTHING = (np.float32(np.nan), np.float32(0.0), np.float32(0.0))
 # A pixel leaves its surface only for one that fits better by this share of the amplitude.
 BETTER_SHARE = np.float32(0.03)
+# No surface is believed to fit better than with this share of the noise.
+LEAST_NOISE = np.float32(0.5)
 
 
 def extend(
@@ -132,29 +134,28 @@ def best_offer(  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **BARE)
-def own_difference(left, right, claim, y, x, here, largest, enough):  # type: ignore[no-untyped-def]
+def own_difference(left, right, claim, y, x, here, largest, sums):  # type: ignore[no-untyped-def]
     """Difference in grey levels of a pixel where it is, infinite where unknown or another surface is seen there."""
     if np.isnan(here) or taken(claim, y, x, here):
         return np.float32(np.inf)
-    flat = np.float32(0.0)
-    return small_difference(left, right, y, x, here, flat, flat, largest, enough, np.float32(np.inf))
+    return level_difference(left, right, y, x, here, largest, sums)
 
 
 @njit(forceinline=True, **BARE)
 def judge(  # type: ignore[no-untyped-def]
-    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits,
+    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, sums,
     new_disparity, new_sigma, new_signed, new_mismatch,
 ):  # fmt: skip
     """Let a pixel keep, change or lose its surface.
 
-    One that fits better than any other can, whichever gives the scale, is left alone. Only where an offer decides by
-    its amplitude whether the pixel is lost must the best of the bad ones be known.
+    One that fits better than any other can, or as well as noise lets any, whichever gives the scale, is left alone.
+    Only where an offer decides by its amplitude whether the pixel is lost must the best of the bad ones be known.
     """
     dim = dimmest(amplitude, above, below, y, x, before, after)
     bearable = allowed(limits, dim) * dim
-    enough = min(bearable, BETTER_SHARE * dim)
+    enough = min(bearable, BETTER_SHARE * dim + LEAST_NOISE * limits[1])
     here = disparity[y, x]
-    own = own_difference(left, right, claim, y, x, here, np.float32(np.inf), enough)
+    own = own_difference(left, right, claim, y, x, here, np.float32(np.inf), sums)
     if own <= enough:
         return
     unknown = own == np.float32(np.inf)
@@ -163,7 +164,7 @@ def judge(  # type: ignore[no-untyped-def]
         disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, judged
     )
     if not unknown and (best < np.float32(np.inf) or own > bearable):
-        own = own_difference(left, right, claim, y, x, here, bright, np.float32(0.0))
+        own = own_difference(left, right, claim, y, x, here, bright, sums)
     own /= bright
     if best < allowed(limits, bright) and best < own - BETTER_SHARE:
         new_disparity[y, x], new_sigma[y, x] = chosen, np.sqrt(variance)
@@ -181,6 +182,7 @@ def assign(  # type: ignore[no-untyped-def]
     height, width = trust.shape
     for number in prange(height):
         y = interleaved(np.int64(number), height)
+        sums = np.empty(LEVEL_PX, dtype=np.float32)
         start = 0
         while start < width:
             end = start
@@ -191,7 +193,7 @@ def assign(  # type: ignore[no-untyped-def]
                 if near[y, x] > 1 or (near[y, x] == 1 and np.isnan(disparity[y, x])):
                     judge(
                         disparity, above, below, claim, y, x, start - 1, after, left, right, background, amplitude,
-                        map_, limits, new_disparity, new_sigma, new_signed, new_mismatch,
+                        map_, limits, sums, new_disparity, new_sigma, new_signed, new_mismatch,
                     )  # fmt: skip
             start = end + 1
 

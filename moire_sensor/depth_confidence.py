@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.apart import NAN_SAFE
+from moire_sensor.apart import LEAF, NAN_SAFE
 from moire_sensor.depth_refine import Match
 from moire_sensor.phase_carrier import Float32
 
@@ -60,22 +60,37 @@ def fill_confidence(disparity, mismatch, margin, sigma, confidence):  # type: ig
         known = np.empty(width + 2 * KNOWN_REACH, dtype=np.float32)
         highest = np.empty(width + 2 * SPREAD_REACH, dtype=np.float32)
         lowest = np.empty(width + 2 * SPREAD_REACH, dtype=np.float32)
+        start_known(disparity, first, known)
         for y in range(first, min(first + BAND_PX, height)):
-            known_in_columns(disparity, y, known)
+            if y > first:
+                change_known(disparity[mirrored(y + KNOWN_REACH, height)], np.float32(1.0), known)
+            mirror_known(known)
             ends_of_columns(disparity, y, highest, lowest)
             line_of_confidence(disparity[y], mismatch[y], margin[y], sigma[y], known, highest, lowest, confidence[y])
+            change_known(disparity[mirrored(y - KNOWN_REACH, height)], np.float32(-1.0), known)
 
 
 @njit(fastmath=NAN_SAFE, error_model="numpy")
-def known_in_columns(disparity, y, known):  # type: ignore[no-untyped-def]
+def start_known(disparity, y, known):  # type: ignore[no-untyped-def]
     """Fill ``known`` (W + 10,) with the disparities in the columns of the window about row y, mirrored at borders."""
-    height, width = disparity.shape
-    middle = known[KNOWN_REACH : KNOWN_REACH + width]
-    middle[:] = np.float32(0.0)
+    known[:] = np.float32(0.0)
     for down in range(-KNOWN_REACH, KNOWN_REACH + 1):
-        line = disparity[mirrored(y + down, height)]
-        for x in range(width):
-            middle[x] += np.float32(1.0) if line[x] == line[x] else np.float32(0.0)
+        change_known(disparity[mirrored(y + down, disparity.shape[0])], np.float32(1.0), known)
+
+
+@njit(**LEAF)
+def change_known(line, sign, known):  # type: ignore[no-untyped-def]
+    """Add the known disparities of a row to those in the columns, or take them away."""
+    middle = known[KNOWN_REACH:]
+    for x in range(line.size):
+        middle[x] += sign if line[x] == line[x] else np.float32(0.0)
+
+
+@njit(fastmath=NAN_SAFE, error_model="numpy")
+def mirror_known(known):  # type: ignore[no-untyped-def]
+    """Mirror the columns at the outermost ones."""
+    width = known.size - 2 * KNOWN_REACH
+    middle = known[KNOWN_REACH : KNOWN_REACH + width]
     for beyond in range(1, KNOWN_REACH + 1):
         known[KNOWN_REACH - beyond] = middle[mirrored(-beyond, width)]
         known[KNOWN_REACH + width - 1 + beyond] = middle[mirrored(width - 1 + beyond, width)]
@@ -94,19 +109,30 @@ def mirrored(at, size):  # type: ignore[no-untyped-def]
 @njit(fastmath=NAN_SAFE, error_model="numpy")
 def ends_of_columns(disparity, y, highest, lowest):  # type: ignore[no-untyped-def]
     """Fill the highest and lowest disparity in the columns of the window about row y, (W + 6,)."""
-    height, width = disparity.shape
-    highest[:] = -FAR_PX
-    lowest[:] = FAR_PX
-    high, low = highest[SPREAD_REACH : SPREAD_REACH + width], lowest[SPREAD_REACH : SPREAD_REACH + width]
-    for row in range(max(y - SPREAD_REACH, 0), min(y + SPREAD_REACH + 1, height)):
-        line = disparity[row]
-        for x in range(width):
-            high[x] = line[x] if line[x] > high[x] else high[x]
-            low[x] = line[x] if line[x] < low[x] else low[x]
+    width, last = disparity.shape[1], disparity.shape[0] - 1
+    for beyond in range(SPREAD_REACH):
+        highest[beyond] = highest[width + SPREAD_REACH + beyond] = -FAR_PX
+        lowest[beyond] = lowest[width + SPREAD_REACH + beyond] = FAR_PX
+    ends_of_rows(
+        disparity[max(y - 3, 0)], disparity[max(y - 2, 0)], disparity[max(y - 1, 0)], disparity[y],
+        disparity[min(y + 1, last)], disparity[min(y + 2, last)], disparity[min(y + 3, last)],
+        highest[SPREAD_REACH:], lowest[SPREAD_REACH:],
+    )  # fmt: skip
     for step in DOUBLING:
         for x in range(highest.size - step):
             highest[x] = max(highest[x], highest[x + step])
             lowest[x] = min(lowest[x], lowest[x + step])
+
+
+@njit(**LEAF)
+def ends_of_rows(a, b, c, d, e, f, g, highest, lowest):  # type: ignore[no-untyped-def]
+    """Fill the highest and lowest of 2 ``SPREAD_REACH`` + 1 rows, NaN left out."""
+    for x in range(a.size):
+        high, low = -FAR_PX, FAR_PX
+        for value in (a[x], b[x], c[x], d[x], e[x], f[x], g[x]):
+            high = value if value > high else high
+            low = value if value < low else low
+        highest[x], lowest[x] = high, low
 
 
 @njit(fastmath=NAN_SAFE, error_model="numpy")

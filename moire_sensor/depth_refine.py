@@ -9,7 +9,7 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.apart import NAN_SAFE
-from moire_sensor.depth_refine_row import LISTS, refine_row
+from moire_sensor.depth_refine_row import PART, ROWS, refine_row
 from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
@@ -48,6 +48,7 @@ def refine(
     settings: Settings,
     max_mismatch_rad: float,
     match: Match | None = None,
+    buffer: Float32 | None = None,
 ) -> Match:
     """Generalised least squares of both phases against the projector's, systematic errors included.
 
@@ -61,31 +62,33 @@ def refine(
     label : (H, W) int8, the order of every pixel counted from ``orders.first``, negative for none.
     max_mismatch_rad : pixels whose phases disagree by more have no disparity, only a mismatch.
     match : a match to change in place at the pixels with a label; without one, those without a label are NaN.
+    buffer : (4, H, W) float32 for the arrays of a new match, which last until its next use.
     """
     left, right = phases
     fresh = match is None
-    match = match or Match(*(np.empty(label.shape, dtype=np.float32) for _ in range(4)))
+    match = match or Match(*(np.empty((4, *label.shape), dtype=np.float32) if buffer is None else buffer))
     errors = np.array([settings.common_error_rad, settings.alignment_px, max_mismatch_rad], dtype=np.float32)
+    middle = np.float32(carriers[0].disparity_px)
     solve_disparity(
         label, orders.first, left.offset_rad, right.offset_rad, left.sigma_rad, right.sigma_rad,
-        carriers[0].phase_rad, carriers[1].phase_rad, projector.packed(), errors, fresh, *match.images(),
+        carriers[0].phase_rad, carriers[1].phase_rad, projector.packed(), middle, errors, fresh, *match.images(),
     )  # fmt: skip
     return match
 
 
 @njit(parallel=True, cache=True)
 def solve_disparity(  # type: ignore[no-untyped-def]
-    label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, errors, fresh,
+    label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, middle, errors, fresh,
     disparity, sigma, signed, mismatch,
 ):  # fmt: skip
     """Fill disparity, sigma and mismatches (H, W each) at pixels with a label; if ``fresh``, NaN at the others."""
     height, width = label.shape
     for row in prange(height):
         y = np.int64(row)
-        room = np.empty((LISTS, width), dtype=np.float32)
+        room, rows = np.empty((3, width), dtype=np.float32), np.empty((ROWS, PART), dtype=np.float32)
         refine_row(
             label[y], first, y, left[y], left_sigma[y], left_rad[y], right[y], right_sigma[y], right_rad[y], map_,
-            errors, fresh, room, disparity[y], sigma[y], signed[y], mismatch[y],
+            middle, errors, fresh, room, rows, disparity[y], sigma[y], signed[y], mismatch[y],
         )  # fmt: skip
 
 

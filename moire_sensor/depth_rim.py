@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.apart import BARE
+from moire_sensor.apart import BARE, ROW
 from moire_sensor.depth_offer import fringe_cos
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import JUMP_PX
@@ -59,13 +59,28 @@ def fill_rims(  # type: ignore[no-untyped-def]
     height, width = known.shape
     for row in prange(height):
         y = np.int64(row)
+        beside = np.zeros(width, dtype=np.uint8)
+        mark_rims(known[max(y - 1, 0)], known[y], known[min(y + 1, height - 1)], beside)
         for x in range(width):
-            if known[y, x] == known[y, x]:
+            if not beside[x]:
                 continue
             found, apart = given(known, left, background, amplitude, map_, noise, y, x)
             if found == found:
                 disparity[y, x], sigma[y, x] = found, SIGMA_PX
                 signed[y, x], mismatch[y, x] = np.float32(np.nan), apart
+
+
+@njit(**ROW)
+def mark_rims(above, here, below, beside):  # type: ignore[no-untyped-def]
+    """Mark the unknown pixels of a row with a known one left, right, above or below; beyond the image lie none."""
+    last = here.size - 1
+    for x in range(1, last):
+        around = (here[x - 1] == here[x - 1]) | (here[x + 1] == here[x + 1])
+        around |= (above[x] == above[x]) | (below[x] == below[x])
+        beside[x] = around & (here[x] != here[x])
+    for x, inner in ((0, min(1, last)), (last, max(last - 1, 0))):
+        around = (here[inner] == here[inner]) | (above[x] == above[x]) | (below[x] == below[x])
+        beside[x] = around & (here[x] != here[x])
 
 
 @njit(forceinline=True, **BARE)
@@ -130,9 +145,11 @@ def given(known, left, background, amplitude, map_, noise, y, x):  # type: ignor
     grey = left[y, x]
     nan, off = np.float32(np.nan), np.float32(np.inf)
     best, level, bright, dark, along_row = nan, nan, nan, nan, False
+    edges = 0
     for side in range(4):
         edge = edge_of(known, y, x, side)
         if edge[4]:
+            edges += 1
             found = promised(known, left, background, amplitude, map_, y, x, edge)
             if abs(found[1] - grey) < off:
                 off = abs(found[1] - grey)
@@ -141,7 +158,7 @@ def given(known, left, background, amplitude, map_, noise, y, x):  # type: ignor
     if best != best or bright < LEAST_SIGMAS * noise:
         return nan, nan
     gap, rival = np.float32(0.0), nan
-    for side in range(4):
+    for side in range(4 if edges > 1 else 0):
         edge = edge_of(known, y, x, side)
         if edge[4]:
             here, other, _, _ = promised(known, left, background, amplitude, map_, y, x, edge)

@@ -13,7 +13,9 @@ OFF_PLANE_PX = np.float32(0.5)
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
-def along_surface(disparity_px: Float32, half_width: int, half_height: int) -> Float32:
+def along_surface(
+    disparity_px: Float32, half_width: int, half_height: int, room: tuple[Float32, Float32] | None = None
+) -> Float32:
     """Mean of every disparity with the pairs of pixels left and right, then above and below, that lie on its plane.
 
     A pair on either side of the pixel leaves a sloped plane as it is, and one that reaches across a jump is told by
@@ -23,8 +25,9 @@ def along_surface(disparity_px: Float32, half_width: int, half_height: int) -> F
     ----------
     disparity_px : (H, W) float32, NaN where unknown; such pixels stay unknown and count nowhere.
     half_width, half_height : the farthest pair, pixels.
+    room : two arrays (H, W) to work in, the second of which becomes the result.
     """
-    rows, both = np.empty_like(disparity_px), np.empty_like(disparity_px)
+    rows, both = room or (np.empty_like(disparity_px), np.empty_like(disparity_px))
     mean_along_rows(disparity_px, half_width, rows)
     mean_along_columns(rows, half_height, both)
     return both

@@ -8,11 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from moire_sensor.apart import BARE
+from moire_sensor.apart import BARE, ROW
 
 # A small window counts from so many of its fifteen pixels on.
 LEAST_SEEN = 8
 MOST_SEEN = np.float32(15.0)
+# Windows reach so far from the pixel. On a level plane so many columns from there on, of which nine count, are compared
+# at once: a vector of the processor.
+REACH_PX, LEVEL_PX = 4, 16
 # Columns of a row that is matched, and how many of them the right image must show.
 ROW_SPAN_PX = 10
 LEAST_OF_ROW = ROW_SPAN_PX // 2
@@ -33,6 +36,38 @@ def small_difference(  # type: ignore[no-untyped-def]
     if 0 < y < height - 1 and 4 <= x < width - 4 and reach <= column < np.float32(width - 1) - reach:
         return of_windows(left, right, y, x, column, along, across, largest, enough, limit, False)
     return of_windows(left, right, y, x, column, along, across, largest, enough, limit, True)
+
+
+@njit(**BARE)
+def level_difference(left, right, y, x, disparity, largest, sums):  # type: ignore[no-untyped-def]
+    """:func:`small_difference` on a level plane; ``sums`` is memory for ``LEVEL_PX`` float32."""
+    height, width = left.shape
+    column = np.float32(x) - disparity
+    reach, end = np.float32(REACH_PX), width - LEVEL_PX + REACH_PX
+    if not (0 < y < height - 1 and REACH_PX <= x < end and reach <= column < np.float32(end - 1)):
+        flat = np.float32(0.0)
+        return small_difference(left, right, y, x, disparity, flat, flat, largest, flat, np.float32(np.inf))
+    base = np.int64(column)
+    first, near = np.uint64(x - REACH_PX), np.uint64(base - REACH_PX)
+    column_sums(left, right, np.uint64(y), first, near, column - np.float32(base), largest, sums)
+    middle = sums[3] + sums[4] + sums[5]
+    before = sums[0] + sums[1] + sums[2] + sums[3] + sums[4]
+    beyond = sums[4] + sums[5] + sums[6] + sums[7] + sums[8]
+    return min(sums[2] + middle + sums[6], min(before, beyond)) / MOST_SEEN
+
+
+@njit(**ROW)
+def column_sums(left, right, y, first, near, part, largest, sums):  # type: ignore[no-untyped-def]
+    """Fill the sums of the differences of three rows, of ``LEVEL_PX`` columns from two places on."""
+    one = np.uint64(1)
+    for k in range(np.uint64(LEVEL_PX)):
+        i, j = first + k, near + k
+        above = abs(left[y - one, i] - right[y - one, j] - part * (right[y - one, j + one] - right[y - one, j]))
+        middle = abs(left[y, i] - right[y, j] - part * (right[y, j + one] - right[y, j]))
+        below = abs(left[y + one, i] - right[y + one, j] - part * (right[y + one, j + one] - right[y + one, j]))
+        above = above if above < largest else largest
+        middle = middle if middle < largest else largest
+        sums[k] = above + middle + (below if below < largest else largest)
 
 
 @njit(**BARE)

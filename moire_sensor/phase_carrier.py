@@ -27,6 +27,7 @@ class Carrier:
     rad_per_px : (H, W) float32, its derivative along the row.
     table : constants of the windows' fits.
     half_width_px, half_height_px : the window holds 2 n + 1 columns and rows.
+    disparity_px : disparity of that surface.
     """
 
     phase_rad: Float32
@@ -37,6 +38,7 @@ class Carrier:
     table: FitTable
     half_width_px: int
     half_height_px: int
+    disparity_px: float
 
     @classmethod
     def left(cls, projector: ProjectorMap, size: tuple[int, int], disparity_px: float, half_height_px: int) -> Carrier:
@@ -67,6 +69,7 @@ class Carrier:
             table=FitTable.build(phase, rad_per_px, half_width, half_height_px, ripple),
             half_width_px=half_width,
             half_height_px=half_height_px,
+            disparity_px=disparity_px,
         )
 
 

@@ -35,21 +35,26 @@ def demodulate_row(  # type: ignore[no-untyped-def]
     frames, y, filters, moments, bend, carrier_rad, offset, background, amplitude, squares, cross, along, status
 ):
     """One row of :func:`demodulate`."""
-    room = np.empty((6, carrier_rad.size), dtype=np.float32)
-    real, imaginary, before, after, even, odd = room[0], room[1], room[0:2], room[2:4], room[4], room[5]
-    filtered(frames, y, filters[0], background)
-    filtered(frames, y, filters[1], real)
-    filtered(frames, y, filters[2], imaginary)
+    room = np.empty((7, carrier_rad.size), dtype=np.float32)
+    real, imaginary, before, after, even, odd, brightest = (
+        room[0], room[1], room[0:2], room[2:4], room[4], room[5], room[6]
+    )  # fmt: skip
+    see_light(frames, y, filters, background, real, imaginary, brightest)
     polar(real, imaginary, carrier_rad, offset, amplitude)
     if bend.any():
         twice(real, imaginary, amplitude, even, odd)
-    squares[:] = 0.0
-    for index in range(3 + 2 * moments, filters.shape[0]):
+    residues = 3 + 2 * moments
+    if residues == filters.shape[0]:
+        squares[:] = 0.0
+    for index in range(residues, filters.shape[0]):
         filtered(frames, y, filters[index], real)
-        share = bend[index - 3 - 2 * moments]
+        share = bend[index - residues]
         if share != 0.0:
             take_away(even, odd, share.real, share.imag, real)
-        add_square(real, squares)
+        if index == residues:
+            square(real, squares)
+        else:
+            add_square(real, squares)
     if moments > 1:
         cross[:] = 0.0
         along[:] = 0.0
@@ -60,27 +65,61 @@ def demodulate_row(  # type: ignore[no-untyped-def]
         filtered(frames, y, filters[index + 1], after[1])
         add_turn(before[0], before[1], after[0], after[1], cross, along)
         before, after = after, before
-    mark_saturated(frames, y, real, status)
+    mark_saturated(brightest, status)
+
+
+@njit(**FAST)
+def see_light(frames, y, filters, background, real, imaginary, brightest):  # type: ignore[no-untyped-def]
+    """Background, fringe and brightest level of row y, the first five frames at once."""
+    count, last = frames.shape[0], frames.shape[0] - 1
+    light_of_five(
+        frames[0, y], frames[min(1, last), y], frames[min(2, last), y], frames[min(3, last), y],
+        frames[min(4, last), y], filters[0], filters[1], filters[2], background, real, imaginary, brightest,
+    )  # fmt: skip
+    add_later(frames, y, filters[0], background)
+    add_later(frames, y, filters[1], real)
+    add_later(frames, y, filters[2], imaginary)
+    for frame in range(5, count):
+        brighter(frames[frame, y], brightest)
+
+
+@njit(**FAST)
+def light_of_five(a, b, c, d, e, mean, cos, sin, background, real, imaginary, brightest):  # type: ignore[no-untyped-def]
+    """Weighted sums of five rows by three filters, and their greatest values."""
+    mean_a, mean_b, mean_c, mean_d, mean_e = mean[0], mean[1], mean[2], mean[3], mean[4]
+    cos_a, cos_b, cos_c, cos_d, cos_e = cos[0], cos[1], cos[2], cos[3], cos[4]
+    sin_a, sin_b, sin_c, sin_d, sin_e = sin[0], sin[1], sin[2], sin[3], sin[4]
+    for x in range(background.size):
+        background[x] = mean_a * a[x] + mean_b * b[x] + mean_c * c[x] + mean_d * d[x] + mean_e * e[x]
+        real[x] = cos_a * a[x] + cos_b * b[x] + cos_c * c[x] + cos_d * d[x] + cos_e * e[x]
+        imaginary[x] = sin_a * a[x] + sin_b * b[x] + sin_c * c[x] + sin_d * d[x] + sin_e * e[x]
+        brightest[x] = max(max(max(a[x], b[x]), max(c[x], d[x])), e[x])
 
 
 @njit(**FAST)
 def filtered(frames, y, weights, target):  # type: ignore[no-untyped-def]
-    """Weighted sum of row y of the frames (n, H, W), five at a time."""
+    """Weighted sum of row y of the frames (n, H, W), five at a time; ``weights`` go on with zeros to whole fives."""
     target[:] = 0.0
-    last = frames.shape[0] - 1
-    for first in range(0, frames.shape[0], 5):
-        second, third, fourth, fifth = first + 1, first + 2, first + 3, first + 4
-        add_five(
-            frames[first, y], frames[min(second, last), y], frames[min(third, last), y], frames[min(fourth, last), y],
-            frames[min(fifth, last), y], weights[first], weight_at(weights, second), weight_at(weights, third),
-            weight_at(weights, fourth), weight_at(weights, fifth), target,
-        )  # fmt: skip
+    add_frames(frames, y, weights, 0, target)
+    add_later(frames, y, weights, target)
 
 
 @njit(**FAST)
-def weight_at(weights, index):  # type: ignore[no-untyped-def]
-    """A weight, 0 behind the last."""
-    return weights[index] if index < weights.size else np.float32(0.0)
+def add_later(frames, y, weights, target):  # type: ignore[no-untyped-def]
+    """Add the frames behind the first five."""
+    for first in range(5, frames.shape[0], 5):
+        add_frames(frames, y, weights, first, target)
+
+
+@njit(**FAST)
+def add_frames(frames, y, weights, first, target):  # type: ignore[no-untyped-def]
+    """Add five frames."""
+    last = frames.shape[0] - 1
+    add_five(
+        frames[first, y], frames[min(first + 1, last), y], frames[min(first + 2, last), y],
+        frames[min(first + 3, last), y], frames[min(first + 4, last), y], weights[first], weights[first + 1],
+        weights[first + 2], weights[first + 3], weights[first + 4], target,
+    )  # fmt: skip
 
 
 @njit(**FAST)
@@ -116,6 +155,13 @@ def take_away(even, odd, along, across, target):  # type: ignore[no-untyped-def]
 
 
 @njit(**FAST)
+def square(values, target):  # type: ignore[no-untyped-def]
+    """target = values^2."""
+    for x in range(target.size):
+        target[x] = values[x] * values[x]
+
+
+@njit(**FAST)
 def add_square(values, target):  # type: ignore[no-untyped-def]
     """target += values^2."""
     for x in range(target.size):
@@ -132,11 +178,8 @@ def add_turn(real, imaginary, next_real, next_imaginary, cross, along):  # type:
 
 
 @njit(**FAST)
-def mark_saturated(frames, y, brightest, status):  # type: ignore[no-untyped-def]
+def mark_saturated(brightest, status):  # type: ignore[no-untyped-def]
     """SATURATED where any frame is, else OK."""
-    brightest[:] = frames[0, y]
-    for frame in range(1, frames.shape[0]):
-        brighter(frames[frame, y], brightest)
     for x in range(status.size):
         status[x] = FULL if brightest[x] >= SATURATED else OK
 
@@ -150,18 +193,19 @@ def brighter(values, brightest):  # type: ignore[no-untyped-def]
 
 @njit(parallel=True, cache=True, **FAST)
 def judge_steps(  # type: ignore[no-untyped-def]
-    moments, amplitude, variance, cross, along, gain2, min_amplitude, max_motion_rad, offset, sigma, status
+    moments, amplitude, variance, freedom, cross, along, gain2, min_amplitude, max_motion_rad, offset, sigma, status
 ):
     """Fill sigma and status from the blurred sums, and take the phase away where the status says so.
 
-    With two moments a fast drift is overrated: tan of it is tan(e) / cos(e) for a drift e and four steps.
+    ``variance`` is that of the noise times ``freedom``. With two moments a fast drift is overrated: tan of it is
+    tan(e) / cos(e) for a drift e and four steps.
     """
     for row in prange(amplitude.shape[0]):
         y = np.int64(row)
         mark_dark(amplitude[y], min_amplitude, status[y])
         if moments > 1:
             mark_moved(cross[y], along[y], max_motion_rad, status[y])
-        noise_row(amplitude[y], variance[y], gain2, sigma[y])
+        noise_row(amplitude[y], variance[y], freedom, gain2, sigma[y])
         hide_row(status[y], offset[y])
 
 
@@ -182,10 +226,11 @@ def mark_moved(cross, along, max_motion_rad, status):  # type: ignore[no-untyped
 
 
 @njit(**FAST)
-def noise_row(amplitude, variance, gain2, sigma):  # type: ignore[no-untyped-def]
+def noise_row(amplitude, variance, freedom, gain2, sigma):  # type: ignore[no-untyped-def]
     """Standard deviation of the phase; running sums of the blur may leave a variance a little below zero."""
     for x in range(sigma.size):
-        sigma[x] = np.sqrt(max(variance[x], np.float32(0.0)) * gain2) / max(amplitude[x], TINY)
+        own = max(variance[x], np.float32(0.0)) / freedom
+        sigma[x] = np.sqrt(own * gain2) / max(amplitude[x], TINY)
 
 
 @njit(fastmath=NAN_SAFE)

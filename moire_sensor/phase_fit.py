@@ -2,8 +2,8 @@
 
 With theta the carrier's phase less that of the window's centre, a window's fit is a + C cos theta + D sin theta. Its
 sums of I, I^2, I cos, I sin move row by row down a band and grow by doubling along the row; they are then turned into
-the phase of the centre, where the normal matrix hardly changes from pixel to pixel. Every loop runs over whole rows of
-few arrays and has no branch, so that the compiler makes vectors of it.
+the phase of the centre, where the normal matrix hardly changes from pixel to pixel. Every loop runs over a whole row
+and has no branch, so that the compiler makes vectors of it.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ from numba import njit
 
 from moire_sensor.angles import fast_atan2
 from moire_sensor.apart import FAST, LEAF_FAST
-from moire_sensor.phase_planes import AMPLITUDE, OFFSET, PLANES, UNUSABLE, VARIANCE, finish_row
-from moire_sensor.phase_sums import ONE, ZERO, add_row, move_rows, sum_windows
+from moire_sensor.phase_planes import AMPLITUDE, BACKGROUND, OFFSET, PLANES, UNUSABLE, VARIANCE, finish_row
+from moire_sensor.phase_sums import MIDDLE, ONE, SUM_ROOM, TWO, ZERO, add_row, move_rows, sum_windows
+from moire_sensor.phase_table import FREE_COS, FREE_SIN, LIMIT, RIPPLE, SIN_COS_RAMP, SIN_RAMP
 
 Float32 = npt.NDArray[np.float32]
+TINY = np.float32(1e-9)
 
 
 class CarrierRows(NamedTuple):
@@ -37,19 +39,19 @@ class FitWork(NamedTuple):
     """Rows that the fits of a band use over and over."""
 
     columns: Float32
+    room: Float32
     sums: Float32
-    fits: Float32
     constants: Float32
+    bend: Float32
 
 
 @njit(**FAST)
 def fit_work(carrier):  # type: ignore[no-untyped-def]
     """Empty rows for the fits of one band."""
     width = carrier.cos.shape[1]
-    columns = np.zeros((4, width), dtype=np.float32)
-    sums = np.zeros((4, 4 * width), dtype=np.float32)
-    fits = np.zeros((5, width - 2 * carrier.half_width), dtype=np.float32)
-    return FitWork(columns, sums, fits, carrier.table[0].copy())
+    columns, room = np.zeros((4, width), dtype=np.float32), np.zeros((SUM_ROOM, width), dtype=np.float32)
+    sums = np.zeros((6, width - 2 * carrier.half_width), dtype=np.float32)
+    return FitWork(columns, room, sums, carrier.table[0].copy(), np.zeros((2, width), dtype=np.float32))
 
 
 @njit(**FAST)
@@ -108,12 +110,16 @@ def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
             work.columns, image[below], cos_of(carrier, below), sin_of(carrier, below), image[above],
             cos_of(carrier, above), sin_of(carrier, above),
         )  # fmt: skip
-    sum_windows(work.columns, 2 * carrier.half_width + 1, work.sums)
+    sum_windows(work.columns, 2 * carrier.half_width + 1, work.room, work.sums)
     if carrier.table_rows.size > 1:
         between_rows(carrier.table_rows, carrier.table, y, work.constants)
-    cos, sin = cos_of(carrier, y), sin_of(carrier, y)
-    fit_row(work.sums, cos, sin, work.constants, carrier.half_width, samples, work.fits, planes, y % rows, start)
-    finish_row(work.constants, carrier.half_width, samples, work.fits, planes, y % rows, start)
+    row, half = y % rows, carrier.half_width
+    fit_row(
+        work.sums, cos_of(carrier, y)[half:], sin_of(carrier, y)[half:], work.constants, np.float32(half),
+        ONE / np.float32(samples - 4), planes[OFFSET, row][start:], planes[BACKGROUND, row][start:],
+        planes[AMPLITUDE, row][start:], planes[VARIANCE, row][start:], work.bend[0],
+    )  # fmt: skip
+    finish_row(work.constants[LIMIT], half, samples, work.bend, planes, row, start)
 
 
 @njit(**LEAF_FAST)
@@ -129,63 +135,36 @@ def between_rows(table_rows, table, y, constants):  # type: ignore[no-untyped-de
 
 
 @njit(**LEAF_FAST)
-def fit_row(sums, cos, sin, constants, half_width, samples, fits, planes, y, start):  # type: ignore[no-untyped-def]
-    """Fit every window of a row: its mean, C and D into ``fits``, offset and residual variance into the planes."""
-    width = cos.size
-    count = width - 2 * half_width
-    cos, sin = cos[half_width : width - half_width], sin[half_width : width - half_width]
-    ones, squares = sums[0][:count], sums[0][width : width + count]
-    in_cos, in_sin = sums[0][2 * width : 2 * width + count], sums[0][3 * width : 3 * width + count]
-    ramp_cos, ramp_sin = sums[1][2 * width : 2 * width + count], sums[1][3 * width : 3 * width + count]
-    mean, real, imaginary, met = fits[0], fits[1], fits[2], fits[3]
-    turn(in_cos, in_sin, cos, sin)
-    turn(ramp_cos, ramp_sin, cos, sin)
-    combine(constants[0], constants[1], constants[2], ones, in_cos, in_sin, mean)
-    combine(constants[1], constants[3], constants[4], ones, in_cos, in_sin, real)
-    combine(constants[2], constants[4], constants[5], ones, in_cos, in_sin, imaginary)
-    for x in range(count):
-        squares[x] -= mean[x] * ones[x] + real[x] * in_cos[x] + imaginary[x] * in_sin[x]
-    meet_detuned(mean, real, imaginary, ramp_cos, ramp_sin, constants[6], constants[7], met)
-    share = ONE / np.float32(samples - 4)
-    variance_without(squares, met, real, imaginary, constants[8], constants[9], share, planes[VARIANCE, y][start:])
-    offsets(real, imaginary, cos, sin, planes[OFFSET, y][start:])
+def fit_row(  # type: ignore[no-untyped-def]
+    sums, cos, sin, constants, half_width, share, offset, background, amplitude, variance, bend
+):
+    """Fit every window of a row; ``bend`` is the phase that one radian per pixel of slope adds."""
+    for x in range(sums.shape[1]):
+        ones, in_cos, in_sin = sums[0, x], sums[2, x], sums[3, x]
+        # Sums with cos, sin of the carrier become sums with cos, sin of theta, and k times becomes t times.
+        ramp_cos, ramp_sin = turned(sums[4, x] - half_width * in_cos, sums[5, x] - half_width * in_sin, cos[x], sin[x])
+        in_cos, in_sin = turned(in_cos, in_sin, cos[x], sin[x])
+        # The inverse normal matrix times the sums.
+        mean = constants[0, x] * ones + constants[1, x] * in_cos + constants[2, x] * in_sin
+        real = constants[1, x] * ones + constants[3, x] * in_cos + constants[4, x] * in_sin
+        imaginary = constants[2, x] * ones + constants[4, x] * in_cos + constants[5, x] * in_sin
+        left_over = sums[1, x] - (mean * ones + real * in_cos + imaginary * in_sin)
+        # Product of the residual with t (D cos theta - C sin theta), what a slightly other frequency would add.
+        along_c = ramp_sin - mean * constants[SIN_RAMP, x] - real * constants[SIN_COS_RAMP, x]
+        met = imaginary * (ramp_cos - imaginary * constants[SIN_COS_RAMP, x]) - real * along_c
+        real2, imaginary2 = real * real, imaginary * imaginary
+        free = real2 * constants[FREE_COS, x] + imaginary2 * constants[FREE_SIN, x]
+        variance[x] = max(left_over - met * met / max(free, ONE), ZERO) * share
+        # Phase of the fit at the centre, angle of C - i D, less that of the carrier.
+        up = -imaginary * cos[x] - real * sin[x]
+        offset[x] = fast_atan2(up, real * cos[x] - imaginary * sin[x])
+        background[x] = mean + MIDDLE
+        amplitude[x] = np.sqrt(real2 + imaginary2)
+        # -ripple sin(2 phase) = ripple 2 C D / b^2.
+        bend[x] = constants[RIPPLE, x] * TWO * real * imaginary / max(real2 + imaginary2, TINY)
 
 
-@njit(**LEAF_FAST)
-def turn(first, second, cos, sin):  # type: ignore[no-untyped-def]
-    """Sums with cos, sin of the carrier become sums with cos, sin of theta."""
-    for x in range(cos.size):
-        turned = first[x] * cos[x] + second[x] * sin[x]
-        second[x] = second[x] * cos[x] - first[x] * sin[x]
-        first[x] = turned
-
-
-@njit(**LEAF_FAST)
-def combine(weight_1, weight_c, weight_s, ones, in_cos, in_sin, target):  # type: ignore[no-untyped-def]
-    """One row of the inverse normal matrix times the sums."""
-    for x in range(target.size):
-        target[x] = weight_1[x] * ones[x] + weight_c[x] * in_cos[x] + weight_s[x] * in_sin[x]
-
-
-@njit(**LEAF_FAST)
-def meet_detuned(mean, real, imaginary, ramp_cos, ramp_sin, sin_ramp, sin_cos_ramp, met):  # type: ignore[no-untyped-def]
-    """Product of the residual with t (D cos theta - C sin theta), what a slightly other frequency would add."""
-    for x in range(met.size):
-        along_c = ramp_sin[x] - mean[x] * sin_ramp[x] - real[x] * sin_cos_ramp[x]
-        met[x] = imaginary[x] * (ramp_cos[x] - imaginary[x] * sin_cos_ramp[x]) - real[x] * along_c
-
-
-@njit(**LEAF_FAST)
-def variance_without(squares, met, real, imaginary, free_cos, free_sin, share, variance):  # type: ignore[no-untyped-def]
-    """Variance of the residual less what a slightly other frequency explains of it."""
-    for x in range(met.size):
-        free = real[x] * real[x] * free_cos[x] + imaginary[x] * imaginary[x] * free_sin[x]
-        variance[x] = max(squares[x] - met[x] * met[x] / max(free, ONE), ZERO) * share
-
-
-@njit(**LEAF_FAST)
-def offsets(real, imaginary, cos, sin, offset):  # type: ignore[no-untyped-def]
-    """Phase of the fit at the centre, angle of C - i D, less that of the carrier."""
-    for x in range(cos.size):
-        up = -imaginary[x] * cos[x] - real[x] * sin[x]
-        offset[x] = fast_atan2(up, real[x] * cos[x] - imaginary[x] * sin[x])
+@njit(inline="always", **FAST)
+def turned(along_cos, along_sin, cos, sin):  # type: ignore[no-untyped-def]
+    """Sums with cos and sin of an angle less that of ``cos``, ``sin``."""
+    return along_cos * cos + along_sin * sin, along_sin * cos - along_cos * sin

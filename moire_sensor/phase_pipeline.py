@@ -119,10 +119,10 @@ class PhasePipeline:
         """Columns of a single shot's window, a fringe period."""
         return 2 * self._carriers[0].half_width_px + 1
 
-    def _buffers(self, planes: int) -> Float32:
-        """Memory for the phases of both cameras, (2, planes, H, W)."""
-        shape = (2, planes, *self._carriers[0].cos.shape)
-        return scratch(("phases", shape), lambda: np.empty(shape, dtype=np.float32))
+    def _buffers(self, *planes: int, name: str = "phases") -> Float32:
+        """Memory for images, (*planes, H, W)."""
+        shape = (*planes, *self._carriers[0].cos.shape)
+        return scratch((name, shape), lambda: np.empty(shape, dtype=np.float32))
 
     def example(self, frame_count: int) -> npt.NDArray[np.uint8]:
         """Fringe images (n, H, W) that both cameras could see, to warm up the kernels."""
@@ -132,7 +132,7 @@ class PhasePipeline:
     def from_single(self, left: Float32, right: Float32, first_step: int) -> Shot:
         """Depth of one exposure: images (H, W) float32, grey levels of 255."""
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
-        buffers = self._buffers(3)
+        buffers = self._buffers(2, 3)
         phases = (
             phase_from_single(left, self._carriers[0], step_rad, self.settings, buffers[0]),
             phase_from_single(right, self._carriers[1], step_rad, self.settings, buffers[1]),
@@ -142,7 +142,7 @@ class PhasePipeline:
     def from_steps(self, left: Float32, right: Float32, first_step: int) -> Shot:
         """Depth of shifted exposures at the middle of their time: images (n, H, W) float32, grey levels of 255."""
         steps = StepFilter.build(self.pattern.step_phases_rad, first_step, left.shape[0])
-        buffers = self._buffers(6)
+        buffers = self._buffers(2, 6)
         phases = (
             phase_from_steps(left, self._carriers[0], steps, self.settings, buffers[0]),
             phase_from_steps(right, self._carriers[1], steps, self.settings, buffers[1]),
@@ -180,8 +180,9 @@ class PhasePipeline:
     ) -> Match:
         """Disparities of the chosen orders from the phases of all views, NaN where the phases disagree."""
         return refine(
-            label, phases, self._carriers, self._projector, self._orders, way.settings, way.max_mismatch_rad, match
-        )
+            label, phases, self._carriers, self._projector, self._orders, way.settings, way.max_mismatch_rad, match,
+            self._buffers(4, name="match"),
+        )  # fmt: skip
 
     def _by_greys(self, match: Match, phase: PhaseImage, greys: tuple[Float32, Float32], single: bool) -> Match:
         """Disparities of a single shot measured, those of phase steps checked, by the grey levels of both views.

@@ -7,47 +7,38 @@ from numba import njit
 
 from moire_sensor.angles import wrap
 from moire_sensor.apart import LEAF_FAST
-from moire_sensor.phase_sums import MIDDLE, ONE, ZERO
+from moire_sensor.phase_sums import ONE, ZERO, copy
 
 UNUSABLE = np.float32(1e30)
 # Squared second differences below this many variances of a fit are noise: 6 for independent fits, twice that, twice.
 NOISE_SHARE = np.float32(32.0)
-TWO = np.float32(2.0)
 # Planes of the fits: offset of the window's centre, the same without ripple and curvature, mean, amplitude, variance of
 # the residual, slope of the offset along the row and down the column.
 OFFSET, CARRIED, BACKGROUND, AMPLITUDE, VARIANCE, ALONG, DOWN, PLANES = range(8)
 
 
 @njit(**LEAF_FAST)
-def finish_row(constants, half_width, samples, fits, planes, y, start):  # type: ignore[no-untyped-def]
-    """Mean, amplitude, slope along the row, and the offset without ripple and curvature, into the planes."""
-    mean, real, imaginary, bend, bias = fits[0], fits[1], fits[2], fits[3], fits[4]
-    end = start + mean.size
-    background, amplitude = planes[BACKGROUND, y][start:end], planes[AMPLITUDE, y][start:end]
-    for x in range(mean.size):
-        background[x] = mean[x] + MIDDLE
-    shapes(real, imaginary, constants[10], amplitude, bend)
+def finish_row(limit, half_width, samples, bend, planes, y, start):  # type: ignore[no-untyped-def]
+    """Slope along the row, and the offset without ripple and curvature, into the planes.
+
+    ``bend`` (2, n): the phase that a slope adds, and room for the offsets without it.
+    """
+    end = start + limit.size
     offset, variance, along = planes[OFFSET, y], planes[VARIANCE, y], planes[ALONG, y][start:end]
+    smooth = bend[1][: limit.size]
     row_slopes(offset, variance, start, (half_width + 1) // 2, along)
-    limit, smooth, offset = constants[11], mean, offset[start:end]
-    for x in range(along.size):
-        along[x] = min(max(along[x], -limit[x]), limit[x])
-    for x in range(along.size):
-        smooth[x] = offset[x] + along[x] * bend[x]
+    straighten(offset[start:], bend[0], limit, along, smooth)
     size = 2 * half_width + 1
     share = np.float32((size * size - 1) / (24.0 * half_width * half_width))
-    row_bias(smooth, variance[start:end], half_width, share, bias)
     noise_share = NOISE_SHARE * share * share / np.float32(samples)
-    without_bias(smooth, bias, variance[start:end], amplitude, noise_share, planes[CARRIED, y][start:end])
-
-
-@njit(**LEAF_FAST)
-def shapes(real, imaginary, ripple, amplitude, bend):  # type: ignore[no-untyped-def]
-    """Amplitude, and the phase that one radian per pixel of slope adds: -ripple sin(2 phase) = ripple 2 C D / b^2."""
-    for x in range(bend.size):
-        square = real[x] * real[x] + imaginary[x] * imaginary[x]
-        amplitude[x] = np.sqrt(square)
-        bend[x] = ripple[x] * TWO * real[x] * imaginary[x] / max(square, np.float32(1e-9))
+    carried, variance, amplitude = planes[CARRIED, y][start:end], variance[start:], planes[AMPLITUDE, y][start:]
+    # Too close to the border for a curvature.
+    copy(smooth, carried[:half_width])
+    copy(smooth[smooth.size - half_width :], carried[carried.size - half_width :])
+    without_bias(
+        smooth, smooth[half_width:], smooth[2 * half_width :], variance, variance[half_width:],
+        variance[2 * half_width :], amplitude[half_width:], share, noise_share, carried[half_width : -half_width],
+    )  # fmt: skip
 
 
 @njit(**LEAF_FAST)
@@ -60,6 +51,14 @@ def row_slopes(offset, variance, start, quarter, along):  # type: ignore[no-unty
         variance[far:], variance[near:], variance[start:], variance[after:], variance[farther:],
         np.float32(0.5 / quarter), along,
     )  # fmt: skip
+
+
+@njit(**LEAF_FAST)
+def straighten(offset, bend, limit, along, smooth):  # type: ignore[no-untyped-def]
+    """Limit the slopes, and fill the offsets without the ripple that they make."""
+    for x in range(smooth.size):
+        along[x] = min(max(along[x], -limit[x]), limit[x])
+        smooth[x] = offset[x] + along[x] * bend[x]
 
 
 @njit(**LEAF_FAST)
@@ -91,33 +90,18 @@ def slopes(before2, before, here, after, after2, var_b2, var_b, var_h, var_a, va
 
 
 @njit(**LEAF_FAST)
-def row_bias(smooth, variance, half_width, share, bias):  # type: ignore[no-untyped-def]
-    """Bias that curvature gives a mean over the window, 0 where it cannot be told.
+def without_bias(  # type: ignore[no-untyped-def]
+    before, here, after, var_b, var_h, var_a, amplitude, share, noise_share, carried
+):
+    """Offset less the bias that curvature gives a mean over the window, as far as noise alone would not give it.
 
     A phase with second derivative k reads k <t^2> / 2 too high. The second difference of three fits half a window
     apart tells k, where all three fit equally well.
     """
-    bias[:half_width] = ZERO
-    bias[bias.size - half_width :] = ZERO
-    curvatures(
-        smooth, smooth[half_width:], smooth[2 * half_width :], variance, variance[half_width:],
-        variance[2 * half_width :], share, bias[half_width:],
-    )  # fmt: skip
-
-
-@njit(**LEAF_FAST)
-def curvatures(before, here, after, var_b, var_h, var_a, share, bias):  # type: ignore[no-untyped-def]
-    """Share of the second difference, 0 where the outer windows fit worse."""
-    for x in range(after.size):
+    for x in range(carried.size):
         second = wrap(after[x] - here[x]) - wrap(here[x] - before[x])
         worst = max(var_b[x], var_a[x])
-        bias[x] = share * second if worst <= np.float32(4.0) * var_h[x] + np.float32(4.0) else ZERO
-
-
-@njit(**LEAF_FAST)
-def without_bias(smooth, bias, variance, amplitude, noise_share, carried):  # type: ignore[no-untyped-def]
-    """Offset less the part of the bias that noise alone would not give."""
-    for x in range(bias.size):
-        noise = noise_share * variance[x] / (amplitude[x] * amplitude[x] + ONE)
-        power = bias[x] * bias[x]
-        carried[x] = smooth[x] - bias[x] * max(power - noise, ZERO) / max(power, np.float32(1e-12))
+        bias = share * second if worst <= np.float32(4.0) * var_h[x] + np.float32(4.0) else ZERO
+        noise = noise_share * var_h[x] / (amplitude[x] * amplitude[x] + ONE)
+        power = bias * bias
+        carried[x] = here[x] - bias * max(power - noise, ZERO) / max(power, np.float32(1e-12))

@@ -9,6 +9,7 @@ frames, so the whole is one fixed filter along them.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -52,7 +53,7 @@ class StepFilter:
     moments: Array
     residues: Array
 
-    @property
+    @cached_property
     def harmonic(self) -> npt.NDArray[np.complex128]:
         """Residues (n - 3,) of frames that show exp(2 i phase), at phase 0: what gamma adds shows in them."""
         step = self.design[:, 1] - 1j * self.design[:, 2]
@@ -69,17 +70,20 @@ class StepFilter:
             residues=self.residues - (self.residues @ offsets)[:, None] * background,
         )
 
-    @property
+    @cached_property
     def freedom(self) -> float:
         """Expected sum of squares that the fit leaves over, for frames of unit noise variance."""
         return float((self.residues**2).sum())
 
+    @cached_property
     def rows(self) -> Float32:
-        """All filters, (3 + 2 r + n - 3, n): weights, moments, residues."""
+        """All filters, (3 + 2 r + n - 3, n): weights, moments, residues; with zeros to whole fives of columns."""
         frame_count = self.weights.shape[1]
-        return np.concatenate([self.weights, self.moments.reshape(-1, frame_count), self.residues]).astype(np.float32)
+        filters = np.concatenate([self.weights, self.moments.reshape(-1, frame_count), self.residues])
+        return np.pad(filters, ((0, 0), (0, -frame_count % 5))).astype(np.float32)
 
     @classmethod
+    @lru_cache(maxsize=64)
     def build(cls, step_phases_rad: tuple[float, ...], first_step: int, frame_count: int) -> StepFilter:
         """Filter of ``frame_count`` frames, frame i carrying step (first_step + i) mod N.
 
@@ -175,21 +179,21 @@ def phase_from_steps(
     share = second_harmonic(frames, steps.weights[1:], steps.residues, steps.harmonic, settings.min_amplitude)
     bend = (share * steps.harmonic).astype(np.complex64)
     demodulate(
-        frames, steps.rows(), steps.moments.shape[0], bend, carrier.phase_rad, offset, background, amplitude, squares,
+        frames, steps.rows, steps.moments.shape[0], bend, carrier.phase_rad, offset, background, amplitude, squares,
         cross, along, status,
     )  # fmt: skip
-    if steps.freedom < MIN_FREEDOM:
-        squares[:] = settings.image_noise**2
+    freedom = steps.freedom
+    if freedom < MIN_FREEDOM:
+        squares[:], freedom = settings.image_noise**2, 1.0
     else:
-        cv2.blur(squares, (NOISE_WINDOW_PX, NOISE_WINDOW_PX), dst=sigma)
-        np.divide(sigma, np.float32(steps.freedom), out=squares)
+        cv2.blur(squares, (NOISE_WINDOW_PX, NOISE_WINDOW_PX), dst=squares)
     moments = steps.moments.shape[0]
     # Averaged over a fringe period, since what motion error the moments have turns twice in it.
     for part in (cross, along) if moments > 1 else ():
         cv2.blur(part, (2 * carrier.half_width_px + 1, 1), dst=part)
     gain2 = np.float32(0.5 * (steps.weights[1:] ** 2).sum())
     judge_steps(
-        moments, amplitude, squares, cross, along, gain2, np.float32(settings.min_amplitude),
+        moments, amplitude, squares, np.float32(freedom), cross, along, gain2, np.float32(settings.min_amplitude),
         np.float32(settings.max_motion_rad), offset, sigma, status,
     )  # fmt: skip
     return PhaseImage(offset, amplitude, background, sigma, status)

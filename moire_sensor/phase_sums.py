@@ -11,6 +11,8 @@ from moire_sensor.apart import LEAF_FAST
 MIDDLE = np.float32(128.0)
 ONE, ZERO = np.float32(1.0), np.float32(0.0)
 TWO, THREE = np.float32(2.0), np.float32(3.0)
+# Rows of memory that :func:`sum_windows` works in; the last is, and stays, zero.
+SUM_ROOM = 5
 
 
 @njit(**LEAF_FAST)
@@ -41,46 +43,76 @@ def move_rows(columns, values, cos, sin, old, old_cos, old_sin):  # type: ignore
 
 
 @njit(**LEAF_FAST)
-def sum_windows(columns, size, sums):  # type: ignore[no-untyped-def]
-    """Sums over ``size`` columns from each on: ``sums[0]`` of all four, ``sums[1, 2 W:]`` of t I cos and t I sin.
+def sum_windows(columns, size, room, sums):  # type: ignore[no-untyped-def]
+    """Fill ``sums`` (6, n): sums over ``size`` columns from each on, and of I cos and I sin also k times the k-th.
 
-    The four rows lie behind each other, so a window that leaves its row holds what nobody reads. A sum over 2 n columns
-    is S[x] + S[x + n], that of k times the k-th is T[x] + T[x + n] + n S[x + n]; an odd size adds one column. Two
-    doublings are one step where they can be.
+    ``columns`` are (4, n + size - 1), ``room`` (SUM_ROOM, n + size - 1).
     """
-    values = columns.reshape(columns.size)
-    half = values.size // 2
-    source, ramp = values, sums[3][:half]
-    for x in range(half):
-        ramp[x] = ZERO
+    for k in range(2):
+        sum_along(columns[k], size, room, sums[k])
+    for k in range(2, 4):
+        ramp_along(columns[k], size, room, sums[k], sums[k + 2])
+
+
+@njit(**LEAF_FAST)
+def sum_along(values, size, room, sums):  # type: ignore[no-untyped-def]
+    """Fill ``sums`` (n,) with those of ``size`` values from each on, ``values`` being at least n + size - 1.
+
+    A sum over 2 n is S[x] + S[x + n]; an odd size adds one value. Two doublings are one step where they can be. The two
+    rows of ``room`` are as long as ``values``.
+    """
+    if size == 1:
+        copy(values, sums)
     bits, steps = steps_to(size)
-    have = 1
+    source, have = values, 1
     for step in range(steps - 1, -1, -1):
-        target, ramp_target = (sums[0], sums[1][half:]) if step % 2 == 0 else (sums[2], sums[1][:half])
-        behind = source[half:]
-        if by_four(size, bits):
-            grow_ramp_four(
-                behind[have:], behind[2 * have :], behind[3 * have :], ramp, ramp[have:], ramp[2 * have :],
-                ramp[3 * have :], np.float32(have), ramp_target,
-            )  # fmt: skip
-            grow_four(source, source[have:], source[2 * have :], source[3 * have :], target)
-            have, bits = 4 * have, bits - 2
+        next_have, bits, more = next_size(size, have, bits)
+        target = room[step % 2][: values.size + 1 - next_have] if step > 0 else sums
+        extra = values[next_have - 1 :] if more > ZERO else values
+        if next_have >= 4 * have:
+            grow_four(source, source[have:], source[2 * have :], source[3 * have :], extra, more, target)
         else:
-            grow_ramp(behind, behind[have:], ramp, ramp[have:], np.float32(have), ramp_target)
-            grow(source, source[have:], target)
-            have, bits = 2 * have, bits - 1
-        if (size >> bits) & 1:
-            add_scaled(values[half + have :], np.float32(have), ramp_target)
-            add_scaled(values[have:], ONE, target)
-            have += 1
-        source, ramp = target, ramp_target
-    add_scaled(source[half:], -np.float32(size // 2), ramp)
+            grow(source, source[have:], extra, more, target)
+        source, have = target, next_have
 
 
-@njit(inline="always")
-def by_four(size, bits):  # type: ignore[no-untyped-def]
-    """Whether the next step may take four times the columns: no column is added between its two doublings."""
-    return bits > 1 and not (size >> (bits - 1)) & 1
+@njit(**LEAF_FAST)
+def ramp_along(values, size, room, sums, ramps):  # type: ignore[no-untyped-def]
+    """Fill ``sums`` as :func:`sum_along`, and ``ramps`` (n,) with the sums of k times the k-th value.
+
+    Such a sum over 2 n is T[x] + T[x + n] + n S[x + n].
+    """
+    bits, steps = steps_to(size)
+    source, ramp, have = values, room[4], 1
+    for step in range(steps - 1, -1, -1):
+        next_have, bits, more = next_size(size, have, bits)
+        last = np.float32(next_have - 1)
+        target, ramp_target = sums, ramps
+        if step > 0:
+            target = room[step % 2][: values.size + 1 - next_have]
+            ramp_target = room[2 + step % 2][: values.size + 1 - next_have]
+        extra = values[next_have - 1 :] if more > ZERO else values
+        if next_have == 4:
+            first_four(source, source[1:], source[2:], source[3:], target, ramp_target)
+        elif next_have >= 4 * have:
+            grow_ramp_four(
+                source, source[have:], source[2 * have :], source[3 * have :], ramp, ramp[have:], ramp[2 * have :],
+                ramp[3 * have :], np.float32(have), extra, more, last, target, ramp_target,
+            )  # fmt: skip
+        else:
+            ahead = ramp[have:]
+            grow_ramp(source, source[have:], ramp, ahead, np.float32(have), extra, more, last, target, ramp_target)
+        source, ramp, have = target, ramp_target, next_have
+
+
+@njit(**LEAF_FAST)
+def next_size(size, have, bits):  # type: ignore[no-untyped-def]
+    """Columns after the next step from ``have``, the doublings then left, and 1 where the step adds a single one."""
+    # Four times as many where no column is added between two doublings.
+    doublings = 2 if bits > 1 and not (size >> (bits - 1)) & 1 else 1
+    bits -= doublings
+    more = (size >> bits) & 1
+    return (have << doublings) + more, bits, np.float32(more)
 
 
 @njit(**LEAF_FAST)
@@ -89,40 +121,61 @@ def steps_to(size):  # type: ignore[no-untyped-def]
     doublings = 0
     while size >> (doublings + 1):
         doublings += 1
-    bits, steps = doublings, 0
+    bits, have, steps = doublings, 1, 0
     while bits > 0:
-        bits -= 2 if by_four(size, bits) else 1
+        have, bits, _ = next_size(size, have, bits)
         steps += 1
     return doublings, steps
 
 
 @njit(**LEAF_FAST)
-def grow_four(first, second, third, fourth, target):  # type: ignore[no-untyped-def]
-    """Sums over four times the columns."""
-    for x in range(fourth.size):
+def grow_four(first, second, third, fourth, extra, more, target):  # type: ignore[no-untyped-def]
+    """Sums over four times the columns, and one more."""
+    for x in range(target.size):
+        target[x] = (first[x] + second[x]) + (third[x] + fourth[x]) + more * extra[x]
+
+
+@njit(**LEAF_FAST)
+def grow(source, ahead, extra, more, target):  # type: ignore[no-untyped-def]
+    """Sums over twice the columns, and one more."""
+    for x in range(target.size):
+        target[x] = source[x] + ahead[x] + more * extra[x]
+
+
+@njit(**LEAF_FAST)
+def first_four(first, second, third, fourth, target, ramp_target):  # type: ignore[no-untyped-def]
+    """Sums, and sums of k times the k-th, over four columns."""
+    for x in range(target.size):
         target[x] = (first[x] + second[x]) + (third[x] + fourth[x])
+        ramp_target[x] = second[x] + TWO * third[x] + THREE * fourth[x]
 
 
 @njit(**LEAF_FAST)
-def grow_ramp_four(second, third, fourth, ramp, ramp_2, ramp_3, ramp_4, columns, target):  # type: ignore[no-untyped-def]
-    """Sums of k times the k-th over four times the columns."""
-    for x in range(fourth.size):
-        behind = second[x] + TWO * third[x] + THREE * fourth[x]
-        target[x] = (ramp[x] + ramp_2[x]) + (ramp_3[x] + ramp_4[x]) + columns * behind
+def grow_ramp_four(  # type: ignore[no-untyped-def]
+    first, second, third, fourth, ramp, ramp_2, ramp_3, ramp_4, columns, extra, more, last, target, ramp_target
+):
+    """Sums, and sums of k times the k-th, over four times the columns, and one more."""
+    for x in range(target.size):
+        single = more * extra[x]
+        target[x] = (first[x] + second[x]) + (third[x] + fourth[x]) + single
+        behind = columns * (second[x] + TWO * third[x] + THREE * fourth[x]) + last * single
+        ramp_target[x] = (ramp[x] + ramp_2[x]) + (ramp_3[x] + ramp_4[x]) + behind
 
 
 @njit(**LEAF_FAST)
-def grow(source, ahead, target):  # type: ignore[no-untyped-def]
-    """Sums over twice the columns."""
-    for x in range(ahead.size):
-        target[x] = source[x] + ahead[x]
+def grow_ramp(source, ahead, ramp, ramp_ahead, columns, extra, more, last, target, ramp_target):  # type: ignore[no-untyped-def]
+    """Sums, and sums of k times the k-th, over twice the columns, and one more."""
+    for x in range(target.size):
+        single = more * extra[x]
+        target[x] = source[x] + ahead[x] + single
+        ramp_target[x] = ramp[x] + ramp_ahead[x] + columns * ahead[x] + last * single
 
 
 @njit(**LEAF_FAST)
-def grow_ramp(source, ahead, ramp, ramp_ahead, columns, target):  # type: ignore[no-untyped-def]
-    """Sums of k times the k-th over twice the columns."""
-    for x in range(ahead.size):
-        target[x] = ramp[x] + ramp_ahead[x] + columns * ahead[x]
+def copy(values, target):  # type: ignore[no-untyped-def]
+    """Fill the target with the first values; the compiler copies a slice several times slower."""
+    for x in range(target.size):
+        target[x] = values[x]
 
 
 @njit(**LEAF_FAST)

@@ -9,8 +9,9 @@ import numpy.typing as npt
 from numba import njit
 
 from moire_sensor.angles import wrap
-from moire_sensor.apart import FAST, LEAF_FAST, NAN_SAFE
+from moire_sensor.apart import FAST, LEAF, LEAF_FAST
 from moire_sensor.phase_planes import ALONG, AMPLITUDE, BACKGROUND, CARRIED, DOWN, UNUSABLE, VARIANCE
+from moire_sensor.phase_sums import copy
 from moire_sensor.shot import Status
 
 # A shifted window is taken only when it fits clearly better: the variance of a fit over 85 samples scatters by 16 %.
@@ -37,18 +38,20 @@ class Choice(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Memory for the choice of one row: best variances, the numbers of their windows, where the windows start."""
+    """Memory for the choice of one row: best variances, numbers of their windows; where windows start and lie."""
 
     key: npt.NDArray[np.float32]
     number: npt.NDArray[np.uint8]
     starts: npt.NDArray[np.int64]
+    away: npt.NDArray[np.float32]
 
 
 @njit(**FAST)
 def room_for(width):  # type: ignore[no-untyped-def]
     """Room for rows of ``width`` pixels."""
     number = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
-    return Room(np.empty(width, dtype=np.float32), number, np.empty(15, dtype=np.int64))
+    key, starts, away = np.empty(width, dtype=np.float32), np.empty(15, dtype=np.int64), np.empty((2, 15), np.float32)
+    return Room(key, number, starts, away)
 
 
 @njit(**LEAF_FAST)
@@ -59,24 +62,18 @@ def pick_row(image, planes, y, choice, room, good, offset, background, amplitude
     """
     width = image.size
     first = (planes.shape[2] - width) // 2
-    key, number, starts = room.key, room.number, room.starts
+    key, number = room.key, room.number
     row = y % planes.shape[1]
-    copy_row(planes[CARRIED, row][first:], offset)
-    copy_row(planes[BACKGROUND, row][first:], background)
-    copy_row(planes[AMPLITUDE, row][first:], amplitude)
-    copy_row(planes[VARIANCE, row][first:], sigma)
+    copy(planes[CARRIED, row][first:], offset)
+    copy(planes[BACKGROUND, row][first:], background)
+    copy(planes[AMPLITUDE, row][first:], amplitude)
+    copy(planes[VARIANCE, row][first:], sigma)
     best_numbers(planes[VARIANCE], y, first, choice, good, key, number)
-    take_shifted(planes, y, first, choice, starts, number, offset, background, amplitude, sigma)
-    judge(image, amplitude, sigma, choice.min_amplitude, choice.min_amplitude_to_noise, status)
-    phase_noise(amplitude, choice.sigma_factor, sigma)
-    known(offset, choice.step_rad, status)
-
-
-@njit(**LEAF_FAST)
-def copy_row(source, target):  # type: ignore[no-untyped-def]
-    """Copy of a row; the compiler copies a slice several times slower."""
-    for x in range(target.size):
-        target[x] = source[x]
+    take_shifted(planes, y, first, choice, room.starts, room.away, number, offset, background, amplitude, sigma)
+    judge(
+        image, amplitude, choice.min_amplitude, choice.min_amplitude_to_noise, choice.sigma_factor, choice.step_rad,
+        offset, sigma, status,
+    )  # fmt: skip
 
 
 @njit(**LEAF_FAST)
@@ -116,13 +113,16 @@ def challenge(far_left, left, here, right, far_right, centre, first, key):  # ty
 
 
 @njit(**LEAF_FAST)
-def take_shifted(planes, y, first, choice, starts, number, offset, background, amplitude, variance):  # type: ignore[no-untyped-def]
+def take_shifted(  # type: ignore[no-untyped-def]
+    planes, y, first, choice, starts, away, number, offset, background, amplitude, variance
+):
     """Where a shifted window is chosen, carry its phase to the pixel along its slopes."""
     flat = planes.reshape((planes.shape[0], planes.shape[1] * planes.shape[2]))
     carried, along, down = flat[CARRIED], flat[ALONG], flat[DOWN]
     backgrounds, amplitudes, variances = flat[BACKGROUND], flat[AMPLITUDE], flat[VARIANCE]
     for k in range(15):
         starts[k] = (y + choice.rows[k]) % planes.shape[1] * planes.shape[2] + choice.columns[k] + first
+        away[0, k], away[1, k] = np.float32(choice.columns[k]), np.float32(choice.rows[k])
     eights = number.view(np.uint64)
     for eight in range(eights.size):
         if eights[eight] == 0:  # most of them, looked at together
@@ -131,30 +131,21 @@ def take_shifted(planes, y, first, choice, starts, number, offset, background, a
             if number[x] != 0:
                 which = np.uint64(number[x] ^ CENTRED)
                 at = np.uint64(starts[which] + x)
-                rows, columns = np.float32(choice.rows[which]), np.float32(choice.columns[which])
-                offset[x] = carried[at] - columns * along[at] - rows * down[at]
+                offset[x] = carried[at] - away[0, which] * along[at] - away[1, which] * down[at]
                 background[x], amplitude[x], variance[x] = backgrounds[at], amplitudes[at], variances[at]
 
 
-@njit(**LEAF_FAST)
-def judge(image, amplitude, variance, smallest, ratio, status):  # type: ignore[no-untyped-def]
-    """Status of each pixel: dark or saturated where the amplitude is small beside the noise."""
+@njit(**LEAF)
+def judge(image, amplitude, smallest, ratio, factor, step_rad, offset, sigma, status):  # type: ignore[no-untyped-def]
+    """Status of each pixel, dark or saturated where the amplitude is small beside the noise, and what follows.
+
+    The variance of the residual becomes the standard deviation of the phase; the offset loses the step's phase, and is
+    NaN where there is none.
+    """
     for x in range(status.size):
-        limit = max(smallest, ratio * np.sqrt(variance[x]))
+        noise = np.sqrt(sigma[x])
+        lit = amplitude[x] > max(smallest, ratio * noise)
         unlit = FULL if image[x] >= SATURATED else DARK
-        status[x] = OK if amplitude[x] > limit else unlit
-
-
-@njit(**LEAF_FAST)
-def phase_noise(amplitude, factor, sigma):  # type: ignore[no-untyped-def]
-    """Variance of the residual into the standard deviation of the phase."""
-    for x in range(sigma.size):
-        sigma[x] = np.sqrt(sigma[x]) * factor / max(amplitude[x], TINY)
-
-
-@njit(fastmath=NAN_SAFE)
-def known(offset, step_rad, status):  # type: ignore[no-untyped-def]
-    """Offset less the step's phase, wrapped; NaN where the status tells that there is none."""
-    for x in range(offset.size):
-        folded = wrap(offset[x] - step_rad)
-        offset[x] = folded if status[x] == OK else NAN
+        status[x] = OK if lit else unlit
+        sigma[x] = noise * factor / max(amplitude[x], TINY)
+        offset[x] = wrap(offset[x] - step_rad) if lit else NAN

@@ -8,8 +8,8 @@ from collections.abc import Callable, Hashable
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-# Phases and programmes of one image size, of single shots and of phase steps, and its borders.
-KEPT = 5
+# Phases, programmes and matches of one image size, of single shots and of phase steps, its grey levels and borders.
+KEPT = 8
 
 
 class Pools(threading.local):

@@ -31,7 +31,7 @@ from moire_sensor.phase_single import (
     choice_of,
     phase_from_single,
 )
-from moire_sensor.phase_sums import sum_windows
+from moire_sensor.phase_sums import SUM_ROOM, sum_windows
 from moire_sensor.phase_table import ripple_factor
 from moire_sensor.phase_windows import SHIFT_PENALTY, pick_row, room_for
 from moire_sensor.projector_map import ProjectorMap
@@ -146,15 +146,12 @@ def test_fit_windows_under_a_turned_projector() -> None:
 def test_window_sums_by_doubling(size: int) -> None:
     width = 40
     columns = np.random.default_rng(size).normal(0.0, 50.0, (4, width)).astype(np.float32)
-    sums = np.zeros((4, 4 * width), dtype=np.float32)
-    sum_windows(columns, size, sums)
-    for k, values in enumerate(columns.astype(np.float64)):
-        windows = np.lib.stride_tricks.sliding_window_view(values, size)
-        found = slice(k * width, k * width + windows.shape[0])
-        # a sum of 31 values of 50 in float32; the ramp multiplies by up to 15
-        np.testing.assert_allclose(sums[0, found], windows.sum(axis=1), atol=1e-3)
-        if k >= 2:
-            np.testing.assert_allclose(sums[1, found], windows @ (np.arange(size) - size // 2), atol=2e-2)
+    room, sums = np.zeros((SUM_ROOM, width), dtype=np.float32), np.empty((6, width + 1 - size), dtype=np.float32)
+    sum_windows(columns, size, room, sums)
+    windows = np.lib.stride_tricks.sliding_window_view(columns.astype(np.float64), size, axis=1)
+    # a sum of 31 values of 50 in float32; the ramp multiplies by up to 30
+    np.testing.assert_allclose(sums[:4], windows.sum(axis=2), atol=1e-3)
+    np.testing.assert_allclose(sums[4:], windows[2:] @ np.arange(size), atol=4e-2)
 
 
 def test_windows_that_leave_the_image_are_unusable() -> None:

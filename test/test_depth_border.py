@@ -97,6 +97,19 @@ def test_small_difference_is_that_of_the_best_window(plane: tuple[float, float, 
         assert found == pytest.approx(expected, abs=1e-2)
 
 
+def test_level_differences_are_those_of_level_planes() -> None:
+    views = SCENE.views()
+    flat, endless, sums = np.float32(0.0), np.float32(np.inf), np.empty(depth_window.LEVEL_PX, dtype=np.float32)
+    level, differ = interpreted(depth_window.level_difference), interpreted(depth_window.small_difference)
+    for y, x in [(y, x) for y in (0, 1, 30, 58, 59) for x in (0, 3, 4, 16, 28, 90, 206, 207, 208, 215, 219)]:
+        for disparity in (np.float32(12.3), np.float32(-6.5), np.float32(x - 4.0)):
+            for largest in (endless, np.float32(AMPLITUDE)):
+                found = level(*views, y, x, disparity, largest, sums)
+                expected = differ(*views, y, x, disparity, flat, flat, largest, flat, endless)
+                # Sums of fifteen float32 in another order.
+                assert found == pytest.approx(expected, rel=1e-4, abs=1e-4)
+
+
 def test_a_small_difference_may_stop_where_it_is_enough_or_too_much() -> None:
     views = SCENE.views()
     differ = interpreted(depth_window.small_difference)

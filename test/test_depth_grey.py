@@ -9,19 +9,14 @@ import pytest
 from dense_rigs import Array, Float32, outside_rig
 
 from moire_sensor.depth_grey import (
-    FOREIGN_SHARE,
-    LARGEST_STEP_PX,
-    ROUNDS_SIGMA,
-    box_sum,
     check_greys,
     compare,
     least_difference,
     match_greys,
     measures_by_stereo,
-    move,
     right_as_left,
-    sigma_of,
 )
+from moire_sensor.depth_measure import BAND_ROWS, FOREIGN_SHARE, LARGEST_STEP_PX, ROUNDS_SIGMA, fill_sigma, measure
 from moire_sensor.depth_refine import Match
 from moire_sensor.paper_rig import PERIOD_PX, paper_pattern, paper_rig
 from moire_sensor.phase_carrier import Carrier
@@ -101,20 +96,37 @@ def test_columns_at_the_images_borders_have_slopes_of_their_own_row() -> None:
     np.testing.assert_array_equal(found[0], found[1])
 
 
-def test_moves_are_those_of_numpy() -> None:
-    rng = np.random.default_rng(3)
-    shape = (20, 30)
-    disparity = rng.uniform(0.0, 50.0, shape).astype(np.float32)
-    disparity[rng.uniform(size=shape) < 0.1] = np.nan
-    power = rng.uniform(-100.0, 1000.0, shape).astype(np.float32)
-    met = rng.normal(0.0, 300.0, shape).astype(np.float32)
-    enough = np.float32(225.0)
-    step = np.clip(met / np.maximum(power, enough), -LARGEST_STEP_PX, LARGEST_STEP_PX)
-    expected = disparity + np.where(power > enough, step, np.float32(0.0))
-    # In place, as it is used.
-    move(disparity, power, met, enough, disparity)
-    np.testing.assert_allclose(disparity, expected, rtol=1e-6)
-    assert (np.abs(met / power) > LARGEST_STEP_PX).any()
+def window_sums(values: Array, columns: int, rows: int) -> Array:
+    """Sums over the window centred on each pixel, as if the image went on with zeros."""
+    padded = np.pad(values, ((rows // 2,) * 2, (columns // 2,) * 2))
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, (rows, columns)).sum(axis=(2, 3)))
+
+
+def test_a_round_moves_disparities_as_the_slow_loop() -> None:
+    """Two bands of an image whose rows have nothing in common."""
+    shape, (columns, half_height), enough = (BAND_ROWS + 11, 40), (7, 3), np.float32(3e3)
+    left, right, disparity, amplitude = random_views(3, shape)
+    apart, power, found = np.full((3, *shape), np.nan, dtype=np.float32)
+    far = measure(
+        left, right, disparity, amplitude, columns, half_height, np.float32(NOISE), enough, apart, power, found
+    )
+    products = slow_compare(left, right, disparity, amplitude)
+    powers, mets = (window_sums(part, columns, 2 * half_height + 1) for part in products[:2])
+    step = np.where(powers > enough, np.clip(mets / np.maximum(powers, enough), -LARGEST_STEP_PX, LARGEST_STEP_PX), 0.0)
+    # Sums of some twenty squares of 100 grey levels a pixel; where just enough is seen, a pixel may move or not.
+    np.testing.assert_allclose(power, powers, atol=5.0, rtol=1e-4)
+    np.testing.assert_allclose(apart, products[2], atol=0.5)
+    clear = np.abs(powers - enough) > 10.0
+    np.testing.assert_allclose(found[clear], (disparity + step)[clear], atol=1e-3)
+    assert far == pytest.approx(np.count_nonzero((np.abs(step) > 0.2) & np.isfinite(disparity)), abs=5)
+    assert 0.2 < np.mean(powers > enough) < 0.9
+    assert (np.abs(step) == LARGEST_STEP_PX).any()
+
+
+def sigma_of(apart: Float32, power: Float32) -> Float32:
+    sigma = np.empty_like(apart)
+    fill_sigma(apart, power, 17, 7, np.float32(225.0), sigma)
+    return sigma
 
 
 def test_sigma_is_that_of_the_differences_left_over() -> None:
@@ -123,18 +135,12 @@ def test_sigma_is_that_of_the_differences_left_over() -> None:
     apart = np.abs(rng.normal(0.0, 2.0, (60, 80))).astype(np.float32)
     apart[rng.uniform(size=apart.shape) < 0.3] = 0.0
     power = np.full(apart.shape, 900.0, dtype=np.float32)
-    sigma = sigma_of(apart, power, (17, 15), 225.0)
+    sigma = sigma_of(apart, power)
     # Some 200 pixels tell a mean magnitude to 5 %.
     np.testing.assert_allclose(sigma[8:-8, 9:-9], ROUNDS_SIGMA * 2.0 / 30.0, rtol=0.25)
     assert np.median(sigma) == pytest.approx(ROUNDS_SIGMA * 2.0 / 30.0, rel=0.03)
     # Where there is nothing to measure by, as if there were just enough.
-    assert sigma_of(apart, -power, (17, 15), 225.0) == pytest.approx(2.0 * sigma, rel=1e-5)
-
-
-def test_box_sums_end_at_the_border() -> None:
-    values = np.random.default_rng(4).uniform(-1.0, 1.0, (12, 20)).astype(np.float32)
-    expected = [[values[max(y - 2, 0) : y + 3, max(x - 3, 0) : x + 4].sum() for x in range(20)] for y in range(12)]
-    np.testing.assert_allclose(box_sum(values, (7, 5)), expected, atol=1e-5)
+    assert sigma_of(apart, -power) == pytest.approx(2.0 * sigma, rel=1e-5)
 
 
 def test_least_difference_is_that_of_the_best_window_that_holds_the_pixel() -> None:
