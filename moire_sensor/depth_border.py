@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.apart import BARE, NAN_SAFE
-from moire_sensor.depth_narrow import NO_RUN, run_offered
+from moire_sensor.depth_narrow import NO_RUN, has_narrow_run, run_offered
 from moire_sensor.depth_offer import RIM_PX, fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import FAR, JUMP_PX, ROW_REACH_PX, Trust
@@ -79,13 +79,13 @@ def neighbour(above, below, y, x, side, before, after):  # type: ignore[no-untyp
 
 
 @njit(forceinline=True, **BARE)
-def offer_of(disparity, above, below, y, x, number, before, after, alone):  # type: ignore[no-untyped-def]
+def offer_of(disparity, above, below, y, x, number, before, after, alone, narrow):  # type: ignore[no-untyped-def]
     """Pixel (-1, -1: none) that makes one of the ``OFFERS``, and the disparity and slopes that it offers to (y, x)."""
     if number < SIDES:
         y0, x0 = neighbour(above, below, y, x, number, before, after)
         return (y0, x0, plane_offered(disparity, y, x, y0, x0)) if y0 >= 0 else (-1, -1, NOTHING)
     step, trusted = (-1, before) if number == SIDES else (1, after)
-    x0, offered, along = run_offered(disparity, y, x, step, trusted, alone)
+    x0, offered, along = run_offered(disparity, y, x, step, trusted, alone, narrow)
     return (y, x0, (offered, along, np.float32(0.0))) if x0 != NO_RUN else (-1, -1, NOTHING)
 
 
@@ -108,7 +108,8 @@ def allowed(limits, bright):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **BARE)
 def best_offer(  # type: ignore[no-untyped-def]
-    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own
+    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own,
+    narrow,
 ):
     """Of the surfaces offered, the one that fits best: difference (inf: none), disparity, variance, amplitude.
 
@@ -118,7 +119,7 @@ def best_offer(  # type: ignore[no-untyped-def]
     variance, bright = np.float32(0.0), max(amplitude[y, x], np.float32(1.0))
     for number in range(OFFERS):
         y0, x0, offer = offer_of(
-            disparity, above, below, y, x, number, before, after, best == np.float32(np.inf)
+            disparity, above, below, y, x, number, before, after, best == np.float32(np.inf), narrow
         )
         if y0 < 0 or abs(offer[0] - disparity[y, x]) < JUMP_PX:
             continue
@@ -143,7 +144,7 @@ def own_difference(left, right, claim, y, x, here, largest, sums):  # type: igno
 
 @njit(forceinline=True, **BARE)
 def judge(  # type: ignore[no-untyped-def]
-    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, sums,
+    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, sums, narrow,
     new_disparity, new_sigma, new_signed, new_mismatch,
 ):  # fmt: skip
     """Let a pixel keep, change or lose its surface.
@@ -161,7 +162,8 @@ def judge(  # type: ignore[no-untyped-def]
     unknown = own == np.float32(np.inf)
     judged = own if unknown or own <= bearable else np.float32(np.nan)
     best, chosen, variance, bright = best_offer(
-        disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, judged
+        disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, judged,
+        narrow,
     )
     if not unknown and (best < np.float32(np.inf) or own > bearable):
         own = own_difference(left, right, claim, y, x, here, bright, sums)
@@ -189,11 +191,12 @@ def assign(  # type: ignore[no-untyped-def]
             while end < width and not trust[y, end]:
                 end += 1
             after = end if end < width else -1
+            narrow = end > start and has_narrow_run(disparity, y, start, end)
             for x in range(start, end):
                 if near[y, x] > 1 or (near[y, x] == 1 and np.isnan(disparity[y, x])):
                     judge(
                         disparity, above, below, claim, y, x, start - 1, after, left, right, background, amplitude,
-                        map_, limits, sums, new_disparity, new_sigma, new_signed, new_mismatch,
+                        map_, limits, sums, narrow, new_disparity, new_sigma, new_signed, new_mismatch,
                     )  # fmt: skip
             start = end + 1
 

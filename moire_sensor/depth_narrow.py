@@ -20,14 +20,16 @@ NO_RUN = -1
 
 
 @njit(forceinline=True, **BARE)
-def run_offered(disparity, y, x, step, trusted, alone):  # type: ignore[no-untyped-def]
+def run_offered(disparity, y, x, step, trusted, alone, narrow):  # type: ignore[no-untyped-def]
     """Column of the first pixel of a run that offers its surface, ``NO_RUN`` if none; disparity at (y, x), and slope.
 
     The nearest known pixel of another surface counts. ``step`` is the side, -1 or 1, ``trusted`` the nearest trusted
     column there. A run that holds it has a plane to offer; where nothing that was offered could be, ``alone``, it is
-    offered level to an unknown pixel right beside it.
+    offered level to an unknown pixel right beside it. ``narrow``: whether :func:`has_narrow_run`.
     """
     none, level = np.float32(np.nan), np.float32(0.0)
+    if not narrow and not (alone and is_beside(disparity, y, x, step)):
+        return NO_RUN, none, level
     first = first_of_another(disparity, y, x, step)
     if first == NO_RUN:
         return NO_RUN, none, level
@@ -36,11 +38,35 @@ def run_offered(disparity, y, x, step, trusted, alone):  # type: ignore[no-untyp
         return NO_RUN, none, level
     here = disparity[y, first]
     if holds_trusted:
-        beside = alone and first == x + step and np.isnan(disparity[y, x])
-        return (first if beside else NO_RUN), here, level
+        return (first if alone and is_beside(disparity, y, x, step) else NO_RUN), here, level
     reach = step * (LEAST_RUN_PX - 1)
     slope = (disparity[y, first + reach] - here) / np.float32(reach)
     return first, here + slope * np.float32(x - first), slope
+
+
+@njit(forceinline=True, **BARE)
+def is_beside(disparity, y, x, step):  # type: ignore[no-untyped-def]
+    """Whether an unknown pixel has a known one right beside it on one side."""
+    inside = 0 <= x + step < disparity.shape[1]
+    return inside and np.isnan(disparity[y, x]) and not np.isnan(disparity[y, x + step])
+
+
+@njit(**BARE)
+def has_narrow_run(disparity, y, start, end):  # type: ignore[no-untyped-def]
+    """Whether the gap between two trusted pixels of a row, from ``start`` to before ``end``, holds a run of its own."""
+    width = disparity.shape[1]
+    x = start
+    while x < end:
+        first = x
+        x += 1
+        while x < width and abs(disparity[y, x] - disparity[y, x - 1]) < STEP_PX:
+            if x == end:
+                return False
+            x += 1
+        joined = first == start and start > 0 and abs(disparity[y, start] - disparity[y, start - 1]) < STEP_PX
+        if x - first >= LEAST_RUN_PX and not joined:
+            return True
+    return False
 
 
 @njit(forceinline=True, **BARE)

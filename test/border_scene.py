@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -188,10 +189,22 @@ def slow_plane(disparity: Float32, y: int, x: int, y0: int, x0: int) -> Plane:
     return float(disparity[y0, x0]) + along * (x - x0) + across * (y - y0), along, across
 
 
+def has_narrow_run(line: Float32, trust: Mask, x: int) -> bool:
+    """Whether between the trusted pixels around column x there is a run that holds none of them."""
+    breaks = [0, *(at for at in range(1, line.size) if not abs(line[at] - line[at - 1]) < STEP), line.size]
+    start, end = x, x
+    while start > 0 and not trust[start - 1]:
+        start -= 1
+    while end < line.size and not trust[end]:
+        end += 1
+    return any(start <= a and b <= end and b - a >= depth_narrow.LEAST_RUN_PX for a, b in itertools.pairwise(breaks))
+
+
 def slow_runs(disparity: Float32, trust: Mask, y: int, x: int) -> list[tuple[int, Plane, bool]]:
     """First columns of the runs left and right that offer something, that, and whether only if nothing else is."""
     height, width = disparity.shape
     found = []
+    narrow = has_narrow_run(disparity[y], trust[y], x)
     for step in (-1, 1):
         line = [float(disparity[y, at]) for at in (range(x, width) if step > 0 else range(x, -1, -1))]
         reliable = [bool(trust[y, x + step * away]) for away in range(len(line))]
@@ -207,6 +220,8 @@ def slow_runs(disparity: Float32, trust: Mask, y: int, x: int) -> list[tuple[int
         if last > end or not upright:
             continue
         if not any(reliable[first : end + 1]):
+            if not narrow and not (first == 1 and np.isnan(line[0])):
+                continue
             along = (line[last] - line[first]) / (step * (last - first))
             found.append((x + step * first, (line[first] - along * step * first, along, 0.0), False))
         elif first == 1 and np.isnan(line[0]):
