@@ -15,12 +15,13 @@ from tools.bench.dot_scan import DOTS_PX, SCAN_SCENES, Trial, best_settings, mea
 from tools.bench.latency import CASES, LatencyRecord, first_frame_of_room_s, latency_records
 from tools.bench.makers import DISTANCES_M, MakerRecord, maker_records
 from tools.bench.methods import OURS, PEERS, DotMethod, Method
+from tools.bench.posts import SEEDS, post_records
 from tools.bench.report import tables_of, write_report
 from tools.bench.simulator_report import SimulatorResults, measure_simulator
 from tools.bench.speed import SpeedRecord, cases, speed_records
 from tools.bench.tasks import Task, done, progress
 
-PARTS = ("scan", "scenes", "conditions", "light", "makers", "speed", "latency", "validation", "realistic")
+PARTS = ("scan", "scenes", "conditions", "light", "posts", "makers", "speed", "latency", "validation", "realistic")
 # Light on these alone: a plane, slopes, solids, thin things.
 LIGHT_SCENES = ("plane_1000", "tilt_0.5", "waves", "cylinder_and_box", "spheres", "thin_poles")
 DOCS = Path("docs")
@@ -33,6 +34,7 @@ class Results:
     peers: tuple[DotMethod, ...] = PEERS
     trials: list[Trial] = field(default_factory=list)
     records: list[Record] = field(default_factory=list)
+    posts: list[Record] = field(default_factory=list)
     makers: list[MakerRecord] = field(default_factory=list)
     speeds: list[SpeedRecord] = field(default_factory=list)
     latencies: list[LatencyRecord] = field(default_factory=list)
@@ -81,6 +83,8 @@ def measure(options: argparse.Namespace) -> Results:
     tasks = accuracy_tasks(options, methods)
     if tasks:
         results.records = done(tasks, "accuracy")
+    if "posts" in options.parts:
+        results.posts = done([(post_records, (seed, methods)) for seed in SEEDS], "posts")
     if "makers" in options.parts:
         results.makers = done([(maker_records, (distance, methods)) for distance in DISTANCES_M], "trueness")
     results.simulator = measure_simulator(options.parts)
