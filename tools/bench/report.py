@@ -74,9 +74,9 @@ LIGHT_NOTE = (
 )
 POSTS_NOTE = (
     f"Means over {len(SEEDS)} scenes that nobody chose: three posts of 20 mm at random places, 0.6 m from the head to"
-    " 0.15 m before a wall at 1.3, 1.5 or 1.9 m. `dense` sees a fringe, 17 px, at a time: posts narrower than 21 px, which"
-    " are those beyond 1.2 m, are lost to it or taken for the wall behind. One that stands nearly whole fringes before the"
-    " wall is, too: its fringes run on from the wall's."
+    " 0.15 m before a wall at 1.3, 1.5 or 1.9 m. `dense` sees a fringe, 17 px, at a time: posts narrower than 21 px,"
+    " which are those beyond 1.2 m, are lost to it or taken for the wall behind. One that stands nearly whole fringes"
+    " before the wall is, too: its fringes run on from the wall's."
 )
 MAKER_NOTE = (
     f"Precision: standard deviation of a point over {REPEATS} exposures of a slightly turned board, rms of the best"
