@@ -23,8 +23,8 @@ EDGE_PX = 3
 MIXED_SHARE = np.float32(0.9)
 # Of the misfit allowed to single pixels beside an edge, a face may have this share: a plane is asked for, not a pixel.
 MISFIT_SHARE = 0.25
-# The largest step across a steep face at the side, beyond whose line no pixel could lie further off, and how much of it
-# the right camera sees at most, pixels; the mismatch of what is filled there, since nothing is compared.
+# The largest step across a steep face at the side (what turns out to be no such face is off by no more), how much of it
+# the right camera sees at most, pixels, and the mismatch of what is filled there, since nothing is compared.
 ASIDE_STEP_PX, ASIDE_SEEN_PX, ASIDE_MISFIT = np.float32(3.0), np.float32(2.0), np.float32(0.2)
 # Half of the row of grey levels that speaks for a pixel.
 HALF_ROW_PX = 3
@@ -46,6 +46,7 @@ def bridge(
         amplitudes of the gap's ends, as sigma what their doubt makes of its slope, and no signed mismatch.
     greys : left, and right with the grey levels of the left, (H, W) float32.
     amplitude : fringe amplitude of the left image (H, W).
+    rad_per_px : how fast the left phase runs along a row, without its sign.
     """
     limits = np.array(
         [2.0 * settings.image_noise, MISFIT_SHARE * settings.max_border_misfit, rad_per_px], dtype=np.float32
@@ -101,8 +102,8 @@ def fill_gap(images, left, right, amplitude, limits, line, last, at, upright):  
 def is_face_aside(here, grey, bright, limits, last, at):  # type: ignore[no-untyped-def]
     """Whether a gap of a row is a dark face so steep that the right camera sees less than a pixel of it.
 
-    It must be darker than the fringes of either surface can become so near, a lit strip that the right camera does not
-    see cannot be.
+    It must be darker than the fringes of either surface can become so near: not a lit strip that the right camera does
+    not see.
     """
     step = here[at] - here[last]
     if not np.float32(0.0) < step <= ASIDE_STEP_PX or np.float32(at - last) - step > ASIDE_SEEN_PX:

@@ -2,7 +2,7 @@
 
 Both show the same fringes, so phase, projector and grey levels agree, and a narrow post seems to stand where nothing
 is. But in the left image the fringes run on from the far surface into the strip as if there were no edge, which they
-do by chance for one real edge in a dozen; and where the far surface would be seen on the right, something
+do by chance for one real edge in six; and where the far surface would be seen on the right, something
 nearer stands, or it is seen. Such a strip is left unknown.
 """
 
