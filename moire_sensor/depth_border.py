@@ -108,8 +108,7 @@ def allowed(limits, bright):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **BARE)
 def best_offer(  # type: ignore[no-untyped-def]
-    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own,
-    narrow,
+    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own, narrow
 ):
     """Of the surfaces offered, the one that fits best: difference (inf: none), disparity, variance, amplitude.
 
@@ -118,9 +117,8 @@ def best_offer(  # type: ignore[no-untyped-def]
     best, chosen = np.float32(np.inf), np.float32(np.nan)
     variance, bright = np.float32(0.0), max(amplitude[y, x], np.float32(1.0))
     for number in range(OFFERS):
-        y0, x0, offer = offer_of(
-            disparity, above, below, y, x, number, before, after, best == np.float32(np.inf), narrow
-        )
+        alone = best == np.float32(np.inf)
+        y0, x0, offer = offer_of(disparity, above, below, y, x, number, before, after, alone, narrow)
         if y0 < 0 or abs(offer[0] - disparity[y, x]) < JUMP_PX:
             continue
         shine, limit = amplitude[y0, x0], best
@@ -164,7 +162,7 @@ def judge(  # type: ignore[no-untyped-def]
     best, chosen, variance, bright = best_offer(
         disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, judged,
         narrow,
-    )
+    )  # fmt: skip
     if not unknown and (best < np.float32(np.inf) or own > bearable):
         own = own_difference(left, right, claim, y, x, here, bright, sums)
     own /= bright

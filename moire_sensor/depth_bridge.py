@@ -23,8 +23,9 @@ EDGE_PX = 3
 MIXED_SHARE = np.float32(0.9)
 # Of the misfit allowed to single pixels beside an edge, a face may have this share: a plane is asked for, not a pixel.
 MISFIT_SHARE = 0.25
-# The largest step across a steep face at the side (what turns out to be no such face is off by no more), how much of it
-# the right camera sees at most, pixels, and the mismatch of what is filled there, since nothing is compared.
+# The largest step across a steep face at the side (what turns out to be no such face is off by no more), how far apart
+# the right camera sees the pixels at its ends at most, half of each included, and the mismatch of what is filled there,
+# since nothing is compared.
 ASIDE_STEP_PX, ASIDE_SEEN_PX, ASIDE_MISFIT = np.float32(3.0), np.float32(2.0), np.float32(0.2)
 # Half of the row of grey levels that speaks for a pixel.
 HALF_ROW_PX = 3

@@ -69,7 +69,8 @@ def match_greys(
     Returns
     -------
     Match
-        NaN where the two views look different.
+        NaN where the two views look different. Its disparities last until the next call in this thread; its other
+        images are those of ``match``, whose sigma is filled anew.
     """
     enough = np.float32((settings.image_noise / SURE_PX) ** 2)
     window = (2 * half_width + 1, settings.half_height_grey_px)

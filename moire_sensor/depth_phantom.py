@@ -13,13 +13,14 @@ from numba import njit, prange
 
 from moire_sensor.angles import wrap
 from moire_sensor.apart import BARE, NAN_SAFE
+from moire_sensor.depth_narrow import STEP_PX
 from moire_sensor.depth_refine import Match
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.projector_map import ProjectorMap, phase_of_disparity
 from moire_sensor.settings import Settings
 
-# The widest phantom, the widest gap between it and the far surface, how much nearer it lies, pixels.
-MOST_PX, GAP_PX, STEP_PX = 24, 24, np.float32(3.0)
+# The widest phantom, and the widest gap between it and the far surface, pixels.
+MOST_PX, GAP_PX = 24, 24
 # How well the fringes run on; the share of a strip that the far surface explains; the share that would be hidden, as
 # else both would be seen and the far one found.
 RUNS_ON_RAD, EXPLAINED, HIDDEN = np.float32(0.5), np.float32(0.8), np.float32(0.25)

@@ -15,7 +15,8 @@ from moire_sensor.depth_phantom import drop_phantoms
 from moire_sensor.depth_refine import Match
 from moire_sensor.settings import Settings
 from moire_sim import analytic_scenes
-from moire_sim.analytic_scenes import Cylinder, Relief, analytic_capture
+from moire_sim.analytic_scenes import analytic_capture
+from moire_sim.analytic_surfaces import Cylinder, Relief
 from moire_sim.score import disparity_error_px
 
 WIDTH = 240
@@ -141,7 +142,7 @@ def test_dropped_are_those_of_the_slow_loop(seed: int) -> None:
 
 
 def test_a_post_that_two_strips_of_wall_pretend_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three posts before a wall at 1.9 m; without the rule a fourth one stands there, and is believed."""
+    """Three posts before a wall at 1.9 m; without the rule 479 pixels of a fourth one stand there, and are believed."""
     posts = ((0.0425, 1.1092, 0.0152), (-0.1818, 1.4418, 0.0118), (-0.1872, 1.4271, 0.0052))
     scene = (Relief(1.9), *(Cylinder(x, z, radius, -1.0, 1.0) for x, z, radius in posts))
     monkeypatch.setitem(analytic_scenes.SCENES, "posts", scene)

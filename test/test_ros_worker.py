@@ -14,6 +14,26 @@ from moire_sensor.ros.worker import Worker
 TIMEOUT_S = 30.0
 
 
+class Held:
+    """Work that waits for a sign, what was done, and what was pushed out; it tells when one of ``last`` is done."""
+
+    def __init__(self, *last: int) -> None:
+        self.begun, self.go_on, self.ended = Event(), Event(), Event()
+        self.done: list[int] = []
+        self.pushed_out: list[int] = []
+        self._last = last
+
+    def worker(self, queue_depth: int) -> Worker[int]:
+        return Worker(self.work, self.pushed_out.append, queue_depth)
+
+    def work(self, job: int) -> None:
+        self.begun.set()
+        assert self.go_on.wait(TIMEOUT_S)
+        self.done.append(job)
+        if job in self._last:
+            self.ended.set()
+
+
 def test_below_capacity_every_job_is_done_in_order() -> None:
     done: list[int] = []
     last = Event()
@@ -35,39 +55,29 @@ def test_below_capacity_every_job_is_done_in_order() -> None:
 
 
 def test_above_capacity_the_newest_is_done_and_the_rest_counted() -> None:
-    started, go_on, last = Event(), Event(), Event()
-    done: list[int] = []
-
-    def work(job: int) -> None:
-        started.set()
-        assert go_on.wait(TIMEOUT_S)
-        done.append(job)
-        if job in (49, 52):
-            last.set()
-
-    pushed_out: list[int] = []
-    worker = Worker(work, pushed_out.append, queue_depth=2)
+    held = Held(49, 52)
+    worker = held.worker(2)
     worker.submit(0)
-    assert started.wait(TIMEOUT_S)
+    assert held.begun.wait(TIMEOUT_S)
     for job in range(1, 50):
         worker.submit(job)
     assert not worker.is_idle()
-    go_on.set()
-    assert last.wait(TIMEOUT_S)
-    assert done == [0, 49]
-    assert sum(pushed_out) == 48
+    held.go_on.set()
+    assert held.ended.wait(TIMEOUT_S)
+    assert held.done == [0, 49]
+    assert sum(held.pushed_out) == 48
     # Once it has caught up, as many may wait as before.
     assert worker.drain(TIMEOUT_S)
-    started.clear()
-    go_on.clear()
-    last.clear()
+    held.begun.clear()
+    held.go_on.clear()
+    held.ended.clear()
     for job in (50, 51, 52):
         worker.submit(job)
-        assert started.wait(TIMEOUT_S)
-    go_on.set()
-    assert last.wait(TIMEOUT_S)
+        assert held.begun.wait(TIMEOUT_S)
+    held.go_on.set()
+    assert held.ended.wait(TIMEOUT_S)
     worker.stop()
-    assert done == [0, 49, 50, 51, 52]
+    assert held.done == [0, 49, 50, 51, 52]
 
 
 def test_stop_finishes_the_job_under_way_and_counts_the_waiting_ones() -> None:
@@ -111,23 +121,15 @@ def test_tally_counts_from_several_threads_and_keeps_the_last_text() -> None:
 
 
 def test_drain_ends_after_the_job_under_way_and_leaves_out_what_waits() -> None:
-    begun, go_on = Event(), Event()
-    done: list[int] = []
-    pushed_out: list[int] = []
-
-    def work(job: int) -> None:
-        begun.set()
-        assert go_on.wait(TIMEOUT_S)
-        done.append(job)
-
-    worker: Worker[int] = Worker(work, pushed_out.append, 5)
+    held = Held()
+    worker = held.worker(5)
     for job in range(3):
         worker.submit(job)
-    assert begun.wait(TIMEOUT_S)
+    assert held.begun.wait(TIMEOUT_S)
     assert not worker.drain(0.0)
-    go_on.set()
+    held.go_on.set()
     assert worker.drain(10.0)
-    assert (done, pushed_out) == ([0], [2])
+    assert (held.done, held.pushed_out) == ([0], [2])
     worker.submit(9)
     assert worker.stop(10.0)
 
@@ -164,24 +166,14 @@ def test_a_smaller_queue_holds_less_from_the_next_job_on() -> None:
 
 
 def test_a_burst_loses_no_more_than_what_does_not_fit() -> None:
-    started, go_on, last = Event(), Event(), Event()
-    done: list[int] = []
-    pushed_out: list[int] = []
-
-    def work(job: int) -> None:
-        started.set()
-        assert go_on.wait(TIMEOUT_S)
-        done.append(job)
-        if job == 13:
-            last.set()
-
-    worker: Worker[int] = Worker(work, pushed_out.append, 10)
+    held = Held(13)
+    worker = held.worker(10)
     worker.submit(0)
-    assert started.wait(TIMEOUT_S)
+    assert held.begun.wait(TIMEOUT_S)
     for job in range(1, 14):
         worker.submit(job)
-    go_on.set()
-    assert last.wait(TIMEOUT_S)
+    held.go_on.set()
+    assert held.ended.wait(TIMEOUT_S)
     assert worker.stop(10.0)
-    assert done == [0, *range(4, 14)]
-    assert sum(pushed_out) == 3
+    assert held.done == [0, *range(4, 14)]
+    assert sum(held.pushed_out) == 3

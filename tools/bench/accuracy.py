@@ -89,6 +89,11 @@ def scene_records(scene_name: str, conditions: Sequence[Condition], methods: Seq
 
 def part_record(scene_name: str, method_name: str, depth_m: Depth, truth: HeadCapture) -> Record:
     """Score the near part of a scene alone, default condition."""
-    near = replace(truth, covisible=truth.covisible & (truth.depth_m < PARTS_NEARER_M[scene_name]))
+    near = nearer_than(truth, PARTS_NEARER_M[scene_name])
     name = f"{scene_name}, poles alone"
     return Record(name, DEFAULT.name, method_name, score_depth(depth_m, near), part_of_scene=True)
+
+
+def nearer_than(truth: HeadCapture, limit_m: float) -> HeadCapture:
+    """Return a truth of which only what stands nearer is scored."""
+    return replace(truth, covisible=truth.covisible & (truth.depth_m < limit_m))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from moire_sim.analytic_scenes import AnalyticScene
 from moire_sim.analytic_surfaces import Cylinder, Relief
 from moire_sim.score import score_depth
-from tools.bench.accuracy import Record, depth_of, truth_of
+from tools.bench.accuracy import Record, depth_of, nearer_than, truth_of
 from tools.bench.conditions import DEFAULT
 from tools.bench.methods import Method
 
@@ -39,7 +38,7 @@ def post_records(seed: int, methods: Sequence[Method]) -> list[Record]:
     """Score all methods on one scene, whole and where posts are; the records' conditions are ``PLACES``."""
     scene, wall_m = scene_of(seed)
     whole = truth_of(scene)
-    posts = replace(whole, covisible=whole.covisible & (whole.depth_m < wall_m - 0.5 * BEFORE_WALL_M))
+    posts = nearer_than(whole, wall_m - 0.5 * BEFORE_WALL_M)
     records = []
     for method in methods:
         depth_m = depth_of(method, scene, DEFAULT, seed)
