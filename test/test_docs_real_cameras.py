@@ -108,16 +108,17 @@ def play(drivers: TestHead, cameras: dict[str, Any], states: list[int]) -> None:
     rng = np.random.default_rng(9)
 
     def send(trigger: int) -> None:
-        stamp = drivers.stamp + trigger * NANOSECONDS // 10
+        stamp = drivers.stamp + (trigger + 1) * NANOSECONDS // 10
         for side, late_ns in (("left", 0), ("right", SKEW_NS)):
             image = raw_image(side, 2.0 * np.pi * (trigger % 4) / 4, rng)
             header = Header(stamp=time_of(stamp + late_ns), frame_id=f"{side}_eye")
             if (trigger, side) != (1, "right"):
                 cameras[side].publish(image_message(header, image, "mono8"))
 
-    # The driver hears its cameras as best effort: what was sent before it knew of them is gone.
+    # What was sent before the driver knew of its cameras, or the reconstruction of the driver, is gone.
+    dark_sets = drivers.count("input", "matched")
     first = drivers.node.create_timer(1.0, lambda: send(0))
-    drivers.wait(lambda: bool(states), "the first step")
+    drivers.wait(lambda: bool(states) and drivers.count("input", "matched") > dark_sets, "the first step")
     drivers.node.destroy_timer(first)
     for trigger in range(1, 8):
         send(trigger)
