@@ -118,7 +118,7 @@ def trusted(name: str) -> tuple[int, int, int, int]:
 
 
 def test_confidence_is_calibrated() -> None:
-    """At most 0.05 % of the confident pixels off by a pixel, on the poles alone, too; 90 % of the right ones confident."""
+    """At most 0.05 % of the confident pixels are off, on the poles alone, too; 90 % of the right ones are confident."""
     counts = {name: trusted(name) for name in analytic_scene_names()}
     for sure, off, _, _ in (counts["thin_poles"], np.sum(list(counts.values()), axis=0)):
         assert off <= 0.0005 * sure
