@@ -10,6 +10,7 @@ import numpy as np
 
 from tools.bench.accuracy import Record
 from tools.bench.conditions import DEFAULT
+from tools.bench.confidence import TrustRecord
 from tools.bench.dot_scan import Trial
 from tools.bench.latency import LatencyRecord
 from tools.bench.makers import MakerRecord
@@ -109,6 +110,22 @@ def not_ahead(title: str, note: str, place: str, rows: Sequence[Row], peers: Seq
             if behind:
                 cells.append((here, heading, *own, show(sign * rivals[best]), best))
     return Table(title, note, (place, "figure", *DENSE_METHODS, "best peer", "which"), tuple(cells))
+
+
+def trust_table(records: Sequence[TrustRecord], note: str) -> Table:
+    """Lay out how far confidence and predicted errors can be believed."""
+    rows = [
+        (
+            one.place,
+            one.method,
+            number(100.0 * one.off_of_sure),
+            percent(one.sure_of_right),
+            number(one.error_by_sigma, 2),
+        )
+        for one in records
+    ]
+    columns = ("place", "method", "off > 1 px of the confident %", "confident of the right %", "error / sigma")
+    return Table("Confidence", note, columns, tuple(rows))
 
 
 def maker_table(records: Sequence[MakerRecord], note: str) -> Table:

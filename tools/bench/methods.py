@@ -74,11 +74,15 @@ class FringeMethod:
         fringes = paper_pattern(steps if self.method == "phase_shift" else 1)
         return replace(fringes, period_px=fringes.period_px * scale, waveform=condition.waveform)
 
-    def solver(self, rig: StereoRig, condition: Condition, depth_range_m: Range, scale: float = 1.0) -> Solver:
-        """Set up the method."""
+    def sensor(self, rig: StereoRig, condition: Condition, depth_range_m: Range, scale: float = 1.0) -> Reconstructor:
+        """Return the reconstructor of the method."""
         pattern = self.pattern(condition, scale)
         settings = Settings(half_mean_steps_px=self.half_mean_steps_px)
-        sensor = Reconstructor(rig, pattern, depth_range_m, self.method, settings=settings)
+        return Reconstructor(rig, pattern, depth_range_m, self.method, settings=settings)
+
+    def solver(self, rig: StereoRig, condition: Condition, depth_range_m: Range, scale: float = 1.0) -> Solver:
+        """Set up the method."""
+        sensor = self.sensor(rig, condition, depth_range_m, scale)
         return lambda left, right: sensor.reconstruct(left, right).depth_m
 
 

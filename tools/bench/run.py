@@ -11,6 +11,7 @@ from pathlib import Path
 from moire_sim.analytic_scenes import analytic_scene_names
 from tools.bench.accuracy import Record, scene_records
 from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, PLAIN_AMBIENT, TEXTURED, Condition
+from tools.bench.confidence import TrustRecord, trust_tasks
 from tools.bench.dot_scan import DOTS_PX, SCAN_SCENES, Trial, best_settings, mean_trials, trials_of_dots
 from tools.bench.latency import CASES, LatencyRecord, first_frame_of_room_s, latency_records
 from tools.bench.makers import DISTANCES_M, MakerRecord, maker_records
@@ -21,7 +22,10 @@ from tools.bench.simulator_report import SimulatorResults, measure_simulator
 from tools.bench.speed import SpeedRecord, cases, speed_records
 from tools.bench.tasks import Task, done, progress
 
-PARTS = ("scan", "scenes", "conditions", "light", "posts", "makers", "speed", "latency", "validation", "realistic")
+PARTS = (
+    "scan", "scenes", "conditions", "light", "posts", "confidence", "makers", "speed", "latency", "validation",
+    "realistic",
+)  # fmt: skip
 # Light on these alone: a plane, slopes, solids, thin things.
 LIGHT_SCENES = ("plane_1000", "tilt_0.5", "waves", "cylinder_and_box", "spheres", "thin_poles")
 DOCS = Path("docs")
@@ -35,6 +39,7 @@ class Results:
     trials: list[Trial] = field(default_factory=list)
     records: list[Record] = field(default_factory=list)
     posts: list[Record] = field(default_factory=list)
+    trusts: list[TrustRecord] = field(default_factory=list)
     makers: list[MakerRecord] = field(default_factory=list)
     speeds: list[SpeedRecord] = field(default_factory=list)
     latencies: list[LatencyRecord] = field(default_factory=list)
@@ -85,6 +90,8 @@ def measure(options: argparse.Namespace) -> Results:
         results.records = done(tasks, "accuracy")
     if "posts" in options.parts:
         results.posts = done([(post_records, (seed, methods)) for seed in SEEDS], "posts")
+    if "confidence" in options.parts:
+        results.trusts = done(trust_tasks(), "confidence")
     if "makers" in options.parts:
         results.makers = done([(maker_records, (distance, methods)) for distance in DISTANCES_M], "trueness")
     results.simulator = measure_simulator(options.parts)
