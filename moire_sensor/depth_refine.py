@@ -81,7 +81,7 @@ def solve_disparity(  # type: ignore[no-untyped-def]
     label, rows, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, middle, errors, fresh,
     disparity, sigma, signed, mismatch,
 ):  # fmt: skip
-    """Fill disparity, sigma and mismatches (n, W each) of the image's rows at pixels with a label; if ``fresh``, NaN at the others."""
+    """Fill disparity, sigma and mismatches (n, W) of the rows of the image; if ``fresh``, NaN without a label."""
     height, width = label.shape
     for number in prange(height):
         index = np.int64(number)

@@ -1,6 +1,6 @@
-"""The rows between those that were solved: they continue a surface that both the row above and the row below show.
+"""The rows between those that were solved: they continue a surface that both neighbours of them show.
 
-The paper's own way to be faster (its conclusion). Where the two rows show different surfaces, or one shows none, nothing
+The paper's own way to be faster (its conclusion). Where they show different surfaces, or one shows none, nothing
 is said: that is beside an edge, where borders are looked for anyway (:mod:`moire_sensor.depth_border`).
 """
 

@@ -109,7 +109,7 @@ def closest_mismatch_rad(
 ) -> npt.NDArray[np.float64]:
     """Mismatch (n,) of the order that meets the right phase best, at left pixels on a coarse grid.
 
-    ``left_rad``, ``right_rad`` are offsets from the carriers, (n, W), of some ``image_rows`` (n,). Pixels where no order
+    ``left_rad``, ``right_rad`` are offsets from the carriers, (n, W), of the ``image_rows`` (n,). Pixels where no order
     meets a phase are left out.
     """
     width = left_rad.shape[1]
@@ -125,8 +125,8 @@ def closest_mismatch_rad(
     inside = (disparity_px >= low) & (disparity_px <= high) & (seen >= 0) & (seen < width)
     nearest = np.where(inside, seen, 0.0).astype(np.int64)
     part_px = columns - disparity_px - nearest
-    carrier = carriers[1]
-    seen_rad = carrier.phase_rad[rows, nearest] + right_rad[indices, nearest] + part_px * carrier.rad_per_px[rows, nearest]
+    seen_rad = carriers[1].phase_rad[rows, nearest] + right_rad[indices, nearest]
+    seen_rad += part_px * carriers[1].rad_per_px[rows, nearest]
     mismatch = np.abs(wrapped((phase_rad - seen_rad).astype(np.float32))).astype(np.float64)
     mismatch[~(inside & np.isfinite(mismatch))] = np.inf
     closest = np.asarray(mismatch.min(axis=0))

@@ -96,7 +96,7 @@ def fill_costs(  # type: ignore[no-untyped-def]
     left, right, amplitude, left_i, right_i, left_rad, right_rad, px_per_part, map_, first, rows, limits, slopes,
     floats, parts, found, found_words, nearest, pairs, chunks, columns, mismatches, rivals, rival_words, costs, cost,
 ):  # fmt: skip
-    """Fill ``cost`` of the rows that the phases have, each worker some that follow each other, with memory of its own."""
+    """Fill ``cost`` of the phases' rows, each worker some that follow each other, with memory of its own."""
     width, workers, labels = left.shape[1], floats.shape[0], columns.shape[1]
     strips = cost.shape[0]
     for number in prange(workers):
