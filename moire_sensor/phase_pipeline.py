@@ -15,6 +15,7 @@ from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import approach_greys, check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_phantom import drop_phantoms
 from moire_sensor.depth_refine import Match, fringe_orders, refine
+from moire_sensor.depth_ridge import sharpen
 from moire_sensor.depth_rim import close_rims
 from moire_sensor.depth_rows import Seen, all_rows
 from moire_sensor.depth_shot import drop_out_of_range, results
@@ -171,6 +172,7 @@ class PhasePipeline:
         if self._by_stereo:
             drop_phantoms(match, greys, seen.amplitude, self._projector, self.settings)
             extend(match, greys, seen, self._projector, self._rad_per_px, self.settings)
+            sharpen(match, greys, seen.amplitude)
             bridge(match, greys, seen.amplitude, self._rad_per_px, self.settings)
             close_rims(match, greys[0], seen, self._projector, self.settings)
             if way.single:
