@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 # Phases, programmes and matches of one image size, of single shots and of phase steps, its grey levels and borders.
-KEPT = 8
+KEPT = 12
 
 
 class Pools(threading.local):
