@@ -30,6 +30,8 @@ MOVING_SHARE = 0.014
 # What a window needs to measure: squared slopes that place it to a tenth of a pixel.
 SURE_PX = 0.1
 SAMPLE_PX = 7
+# Median magnitude of normal noise, in standard deviations.
+MEDIAN_SIGMAS = 0.6745
 # Windows, columns and rows, in which two views may not look different: phase steps resolve single rows.
 MISFIT_WINDOW, ROW_WINDOW = (5, 3), (5, 1)
 
@@ -78,9 +80,29 @@ def match_greys(
         if number == 0 and moving <= MOVING_SHARE * np.count_nonzero(disparity == disparity):
             break
     window = 2 * half_width + 1, settings.half_height_grey_px
-    fill_sigma(room.apart, room.power, *window, least_power(settings), match.sigma_px)
+    fill_sigma(room.apart, room.power, *window, least_power(settings), typical_noise(room.apart), match.sigma_px)
+    if number > 0:
+        add_moves(match.sigma_px, np.subtract(disparity, room.smooth, out=room.smooth), half_width, window[1])
     drop_foreign(disparity, least_difference(room.apart, MISFIT_WINDOW), amplitude, settings)
     return replace(match, disparity_px=disparity)
+
+
+def typical_noise(apart: Float32) -> np.float32:
+    """Standard deviation of the differences (H, W) by their median magnitude, which sharp steps do not change."""
+    some = apart[::SAMPLE_PX, ::SAMPLE_PX]
+    some = some[some > 0.0]
+    return np.float32(np.median(some) / MEDIAN_SIGMAS if some.size else np.inf)
+
+
+def add_moves(sigma_px: Float32, moves_px: Float32, half_width: int, half_height: int) -> None:
+    """Add in place to ``sigma_px`` (H, W) what the last round still moved, root mean square of the window.
+
+    Texture moves neighbours by different errors, each the same in all rounds, and leaves no difference that tells so.
+    """
+    known, window = np.isfinite(moves_px), (2 * half_width + 1, 2 * half_height + 1)
+    squares = cv2.blur(np.where(known, moves_px * moves_px, np.float32(0.0)), window)
+    share = cv2.blur(known.astype(np.float32), window)
+    np.hypot(sigma_px, np.sqrt(squares / np.maximum(share, np.float32(1e-6))), out=sigma_px)
 
 
 def approach_greys(

@@ -9,6 +9,7 @@ import pytest
 from dense_rigs import Array, Float32, outside_rig
 
 from moire_sensor.depth_grey import (
+    add_moves,
     approach_greys,
     check_greys,
     compare,
@@ -16,8 +17,18 @@ from moire_sensor.depth_grey import (
     match_greys,
     measures_by_stereo,
     right_as_left,
+    typical_noise,
 )
-from moire_sensor.depth_measure import BAND_ROWS, FOREIGN_SHARE, LARGEST_STEP_PX, ROUNDS_SIGMA, fill_sigma, measure
+from moire_sensor.depth_measure import (
+    BAND_ROWS,
+    EXCESS,
+    FOREIGN_SHARE,
+    LARGEST_STEP_PX,
+    ROUNDS_SIGMA,
+    SAME_ROWS,
+    fill_sigma,
+    measure,
+)
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_rows import all_rows
 from moire_sensor.paper_rig import PERIOD_PX, paper_pattern, paper_rig
@@ -137,7 +148,7 @@ def test_a_round_of_some_rows_is_that_of_their_images() -> None:
 
 def sigma_of(apart: Float32, power: Float32) -> Float32:
     sigma = np.empty_like(apart)
-    fill_sigma(apart, power, 17, 7, np.float32(225.0), sigma)
+    fill_sigma(apart, power, 17, 7, np.float32(225.0), typical_noise(apart), sigma)
     return sigma
 
 
@@ -153,6 +164,32 @@ def test_sigma_is_that_of_the_differences_left_over() -> None:
     assert np.median(sigma) == pytest.approx(ROUNDS_SIGMA * 2.0 / 30.0, rel=0.03)
     # Where there is nothing to measure by, as if there were just enough.
     assert sigma_of(apart, -power) == pytest.approx(2.0 * sigma, rel=1e-5)
+
+
+def test_differences_above_the_usual_ones_count_for_all_rows() -> None:
+    """Beside a sharp step of brightness, in columns 40 to 44, interpolation errs by 20 grey levels in every row."""
+    apart = np.abs(np.random.default_rng(3).normal(0.0, 2.0, (60, 120))).astype(np.float32)
+    apart[:, 40:45] += np.float32(20.0)
+    sigma = sigma_of(apart, np.full(apart.shape, 900.0, dtype=np.float32))
+    # A twentieth of the pixels moves a median by a twelfth of a standard deviation.
+    assert typical_noise(apart) == pytest.approx(2.0, rel=0.15)
+    of_window = np.sqrt(np.pi / 2.0) * window_sums(apart.astype(float), 17, 15) / (17 * 15)
+    noise = float(typical_noise(apart))
+    variance = of_window**2 + SAME_ROWS * np.maximum(of_window**2 - EXCESS * noise**2, 0.0)
+    inside = np.s_[8:-8, 9:-9]
+    np.testing.assert_allclose(sigma[inside], (ROUNDS_SIGMA * np.sqrt(variance) / 30.0)[inside], rtol=1e-3)
+    assert np.median(sigma[inside][:, 33:35]) > 10.0 * np.median(sigma[inside][:, 60:])
+
+
+def test_what_the_last_round_moved_is_added_to_sigma() -> None:
+    moves = np.random.default_rng(7).normal(0.0, 0.05, (40, 60)).astype(np.float32)
+    moves[:, 25] = np.nan
+    sigma = np.full(moves.shape, 0.12, dtype=np.float32)
+    add_moves(sigma, moves, 8, 7)
+    y, x = 20, 30
+    window = moves[y - 7 : y + 8, x - 8 : x + 9].astype(float)
+    assert sigma[y, x] == pytest.approx(np.sqrt(0.12**2 + np.nanmean(window**2)), rel=1e-4)
+    assert np.isfinite(sigma).all()
 
 
 def test_least_difference_is_that_of_the_best_window_that_holds_the_pixel() -> None:
