@@ -16,6 +16,7 @@ from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo
 from moire_sensor.depth_phantom import drop_phantoms
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.depth_rim import close_rims
+from moire_sensor.depth_seek import seek
 from moire_sensor.depth_shot import drop_out_of_range, results
 from moire_sensor.depth_surface import along_surface
 from moire_sensor.depth_views import orders_fail, patch_mismatch_rad
@@ -164,6 +165,9 @@ class PhasePipeline:
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
         if self._by_stereo:
             drop_phantoms(match, greys, phases[0].amplitude, self._projector, self.settings)
+            if way.single:
+                half_width = self._carriers[0].half_width_px
+                seek(match, greys, phases[0], self._projector, self._orders, half_width, self.settings)
             extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
             bridge(match, greys, phases[0].amplitude, self._rad_per_px, self.settings)
             close_rims(match, greys[0], phases[0], self._projector, self.settings)
