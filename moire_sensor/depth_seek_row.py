@@ -13,7 +13,6 @@ from moire_sensor.depth_narrow import STEP_PX
 from moire_sensor.depth_seek_fit import HALF_PX, ZERO
 
 
-
 @njit(**LEAF_FAST)
 def fill_mean(image, first, end, mean):  # type: ignore[no-untyped-def]
     """Fill the mean of some rows."""
@@ -76,21 +75,21 @@ def lower(a, b):  # type: ignore[no-untyped-def]
 @njit(forceinline=True, **BARE)
 def is_bright(row, x, reach, least):  # type: ignore[no-untyped-def]
     """Whether a pixel of a row within reach is brighter than ``least``."""
+    found = False
     for at in range(max(x - reach, 0), min(x + reach + 1, row.size)):
-        if row[at] > least:
-            return True
-    return False
+        found |= row[at] > least
+    return found
 
 
 @njit(**BARE)
-def fill_left_over(sure, claims, before, after, step, places):  # type: ignore[no-untyped-def]
-    """Fill the right columns of a row, one in ``step``, that nobody explains; return how many.
+def fill_left_over(sure, claims, before, after, places):  # type: ignore[no-untyped-def]
+    """Fill the right columns of a row that nobody explains; return how many.
 
     ``before`` and ``after`` are the claims at the sides. The surface behind is the farther of them; a pixel that would
     show it where the left view has something nearer is hidden there, one beyond the left image is of no use.
     """
     count, width = 0, sure.size
-    for column in range(HALF_PX, width - HALF_PX - 1, step):
+    for column in range(HALF_PX, width - HALF_PX - 1):
         if not np.isnan(claims[column]) or not (np.isnan(claims[column - 1]) or np.isnan(claims[column + 1])):
             continue
         far = lower(before[column], after[column])
