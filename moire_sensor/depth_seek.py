@@ -66,8 +66,8 @@ def seek(
     if height < MEAN_PX + ROWS_PX or half_width_px > PIECE_PX + 1 or limits is None:
         return
     found = np.empty(((height - MEAN_PX) // ROWS_PX + 1, width), dtype=np.float32)
-    if seek_rows(match.disparity_px, *greys, projector.packed(), limits, 2 * half_width_px + 1, found):
-        write(found, *match.images())
+    seek_rows(match.disparity_px, *greys, projector.packed(), limits, 2 * half_width_px + 1, found)
+    write(found, *match.images())
 
 
 def limits_of(phase: PhaseImage, orders: OrderRange, settings: Settings) -> Float32 | None:
@@ -86,8 +86,8 @@ def limits_of(phase: PhaseImage, orders: OrderRange, settings: Settings) -> Floa
 
 @njit(parallel=True, fastmath=NAN_SAFE, error_model="numpy", cache=True)
 def seek_rows(disparity, left, right, map_, limits, least_px, found):  # type: ignore[no-untyped-def]
-    """Fill ``found`` (n, W) with the disparities of the rows looked at, NaN where nothing is; return how many."""
-    width, count = disparity.shape[1], np.int64(0)
+    """Fill ``found`` (n, W) with the disparities of the rows looked at, NaN where nothing is."""
+    width = disparity.shape[1]
     for number in prange(found.shape[0]):
         first = np.int64(number) * ROWS_PX
         y, line = first + MEAN_PX // 2, found[number]
@@ -104,12 +104,9 @@ def seek_rows(disparity, left, right, map_, limits, least_px, found):  # type: i
         fill_mean(right, first, first + MEAN_PX, room[1])
         fill_sides(sure, room[3], room[4])
         rows = room[0], room[1], sure, room[3], room[4], room[6], room[7]
-        seen = seek_row(rows, places[:over], map_, limits, least_px, y, room[8], line)
-        if seen > 0:
+        if seek_row(rows, places[:over], map_, limits, least_px, y, room[8], line) > 0:
             close_holes(line)
             reach_out(line, rows, room[8])
-        count += seen
-    return count
 
 
 @njit(fastmath=NAN_SAFE, error_model="numpy")
