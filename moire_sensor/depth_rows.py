@@ -17,8 +17,8 @@ from moire_sensor.depth_refine import Match
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
 
-# Disparities that differ by more than this a row do not lie on one surface.
-STEEPEST_PX = np.float32(0.5)
+# Disparities that differ by more than this a row do not lie on one surface; a floor's do by baseline / height.
+STEEPEST_PX = np.float32(1.0)
 
 
 @dataclass(frozen=True, eq=False)

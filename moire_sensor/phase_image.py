@@ -12,7 +12,7 @@ Float32 = npt.NDArray[np.float32]
 
 
 class Light(Protocol):
-    """Fringe amplitude and local mean of one camera, (H, W) float32, grey levels of 255."""
+    """What one camera sees of the light, (H, W): fringe amplitude and local mean in grey levels of 255, and status."""
 
     @property
     def amplitude(self) -> Float32:
@@ -21,6 +21,10 @@ class Light(Protocol):
     @property
     def background(self) -> Float32:
         """Local mean a."""
+
+    @property
+    def status(self) -> npt.NDArray[np.uint8]:
+        """Status.OK where the phase is known."""
 
 
 @dataclass(frozen=True, eq=False)

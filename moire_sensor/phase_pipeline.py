@@ -18,6 +18,7 @@ from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.depth_ridge import sharpen
 from moire_sensor.depth_rim import close_rims
 from moire_sensor.depth_rows import Seen, all_rows
+from moire_sensor.depth_seek import seek
 from moire_sensor.depth_shot import drop_out_of_range, results
 from moire_sensor.depth_surface import along_surface
 from moire_sensor.depth_views import orders_fail, patch_mismatch_rad
@@ -171,6 +172,9 @@ class PhasePipeline:
         match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
         if self._by_stereo:
             drop_phantoms(match, greys, seen.amplitude, self._projector, self.settings)
+            if way.single:
+                half_width = self._carriers[0].half_width_px
+                seek(match, greys, seen, self._projector, self._orders, half_width, self.settings)
             extend(match, greys, seen, self._projector, self._rad_per_px, self.settings)
             sharpen(match, greys, seen.amplitude)
             bridge(match, greys, seen.amplitude, self._rad_per_px, self.settings)
