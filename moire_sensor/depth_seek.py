@@ -70,13 +70,13 @@ def seek(
     write(found, *match.images())
 
 
-def limits_of(light: Light, orders: OrderRange, settings: Settings) -> Float32 | None:
+def limits_of(seen: Light, orders: OrderRange, settings: Settings) -> Float32 | None:
     """Limits as in :mod:`depth_seek_chain`, None in an image without light."""
     every = np.s_[::SAMPLE_PX, ::SAMPLE_PX]
-    lit = light.status[every] == Status.OK
+    lit = seen.status[every] == Status.OK
     if np.count_nonzero(lit) < LEAST_SAMPLES:
         return None
-    amplitude, background = light.amplitude[every][lit], light.background[every][lit]
+    amplitude, background = seen.amplitude[every][lit], seen.background[every][lit]
     share, light = float(np.median(amplitude / background)), float(np.median(amplitude + background))
     noise = NOISE_SIGMAS * np.sqrt(2.0 / MEAN_PX) * settings.image_noise
     apart = PIECE_PX * (noise + VIEWS_SHARE * share * BRIGHTEST) ** 2
