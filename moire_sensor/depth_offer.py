@@ -18,6 +18,8 @@ NO_CLAIM = np.float32(-1e9)
 LEAST_POWER = np.float32(0.2)
 # A plane is moved by what the row says if that is more than noise, and given up beyond the largest move.
 MOVE_PX, LARGEST_MOVE_PX = np.float32(0.3), np.float32(0.8)
+# What a move adds to the difference, amplitudes a pixel: of two surfaces whole fringes apart, the unmoved one wins.
+MOVE_COST = np.float32(0.03)
 # A plane carried further along the row than this must be matched to a seventh of a pixel.
 NEAR_PX, FAR_VARIANCE = 14, np.float32(0.02)
 # Light that the plane promises may be missing by this share of the fringe amplitude; a shadow lacks more.
@@ -106,14 +108,14 @@ def fits(  # type: ignore[no-untyped-def]
         return disparity, refused, variance
     if abs(x - x0) > NEAR_PX and variance > FAR_VARIANCE:
         return disparity, refused, variance
-    if abs(shift) > MOVE_PX:
-        disparity += shift
+    moved = shift if abs(shift) > MOVE_PX else np.float32(0.0)
+    disparity += moved
     if taken(claim, y, x, disparity):
         return disparity, refused, variance
     difference = small_difference(left, right, y, x, disparity, along, across, bright, np.float32(0.0), limit * bright)
     if difference < limit * bright and not is_lit(left, background, bright, map_, y, x, disparity, along, limits[1]):
         return disparity, refused, variance
-    return disparity, difference / bright, variance
+    return disparity, difference / bright + MOVE_COST * abs(moved), variance
 
 
 @njit(**BARE)

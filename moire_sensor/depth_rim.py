@@ -138,13 +138,10 @@ def light_behind(known, left, background, amplitude, map_, edge):  # type: ignor
 
 @njit(forceinline=True, **BARE)
 def given(known, left, background, amplitude, map_, noise, y, x):  # type: ignore[no-untyped-def]
-    """Disparity that an unknown pixel is given (NaN: none), and its difference as a mismatch.
-
-    Of two surfaces above and below one another none is given: a face seen at a grazing angle may lie between.
-    """
+    """Disparity that an unknown pixel is given (NaN: none), and its difference as a mismatch."""
     grey = left[y, x]
     nan, off = np.float32(np.nan), np.float32(np.inf)
-    best, level, bright, dark, along_row = nan, nan, nan, nan, False
+    best, level, bright, dark = nan, nan, nan, nan
     edges = 0
     for side in range(4):
         edge = edge_of(known, y, x, side)
@@ -154,7 +151,6 @@ def given(known, left, background, amplitude, map_, noise, y, x):  # type: ignor
             if abs(found[1] - grey) < off:
                 off = abs(found[1] - grey)
                 best, level, bright, dark = found
-                along_row = side < 2
     if best != best or bright < LEAST_SIGMAS * noise:
         return nan, nan
     gap, rival = np.float32(0.0), nan
@@ -163,8 +159,6 @@ def given(known, left, background, amplitude, map_, noise, y, x):  # type: ignor
         if edge[4]:
             here, other, _, _ = promised(known, left, background, amplitude, map_, y, x, edge)
             if abs(here - best) > JUMP_PX and abs(other - level) >= gap:
-                if not along_row and side > 1:
-                    return nan, nan
                 gap, rival = abs(other - level), other
     if rival == rival:
         kept = gap >= APART_SIGMAS * noise and off <= MIXED_SHARE * gap and abs(grey - rival) <= MOST_BEYOND * gap
