@@ -16,7 +16,7 @@ from moire_sensor.depth_narrow import NO_RUN, has_narrow_run, run_offered
 from moire_sensor.depth_offer import RIM_PX, fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import FAR, JUMP_PX, ROW_REACH_PX, Trust
-from moire_sensor.depth_window import LEVEL_PX, level_difference
+from moire_sensor.depth_window import LANES, small_difference
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
@@ -108,7 +108,8 @@ def allowed(limits, bright):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **BARE)
 def best_offer(  # type: ignore[no-untyped-def]
-    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own, narrow
+    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own, sums,
+    narrow,
 ):
     """Of the surfaces offered, the one that fits best: difference (inf: none), disparity, variance, amplitude.
 
@@ -125,7 +126,7 @@ def best_offer(  # type: ignore[no-untyped-def]
         if not np.isnan(own):
             limit = min(limit, allowed(limits, shine), own / shine - BETTER_SHARE)
         moved, difference, doubt = fits(
-            offer, y, x, x0, shine, background[y0, x0], left, right, map_, claim, limits, limit
+            offer, y, x, x0, shine, background[y0, x0], left, right, map_, claim, limits, limit, sums
         )
         if difference < best:
             best, chosen, variance, bright = difference, moved, doubt, shine
@@ -137,7 +138,7 @@ def own_difference(left, right, claim, y, x, here, largest, sums):  # type: igno
     """Difference in grey levels of a pixel where it is, infinite where unknown or another surface is seen there."""
     if np.isnan(here) or taken(claim, y, x, here):
         return np.float32(np.inf)
-    return level_difference(left, right, y, x, here, largest, sums)
+    return small_difference(left, right, y, x, here, np.float32(0.0), np.float32(0.0), largest, sums)
 
 
 @njit(forceinline=True, **BARE)
@@ -150,20 +151,20 @@ def judge(  # type: ignore[no-untyped-def]
     One that fits better than any other can, or as well as noise lets any, whichever gives the scale, is left alone.
     Only where an offer decides by its amplitude whether the pixel is lost must the best of the bad ones be known.
     """
-    dim = dimmest(amplitude, above, below, y, x, before, after)
-    bearable = allowed(limits, dim) * dim
-    enough = min(bearable, BETTER_SHARE * dim + LEAST_NOISE * limits[1])
-    here = disparity[y, x]
-    own = own_difference(left, right, claim, y, x, here, np.float32(np.inf), sums)
-    if own <= enough:
-        return
-    unknown = own == np.float32(np.inf)
-    judged = own if unknown or own <= bearable else np.float32(np.nan)
+    here, endless = disparity[y, x], np.float32(np.inf)
+    own = own_difference(left, right, claim, y, x, here, endless, sums)
+    unknown, judged, bearable = own == endless, own, endless
+    if not unknown:
+        dim = dimmest(amplitude, above, below, y, x, before, after)
+        bearable = allowed(limits, dim) * dim
+        if own <= min(bearable, BETTER_SHARE * dim + LEAST_NOISE * limits[1]):
+            return
+        judged = own if own <= bearable else np.float32(np.nan)
     best, chosen, variance, bright = best_offer(
         disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, judged,
-        narrow,
+        sums, narrow,
     )  # fmt: skip
-    if not unknown and (best < np.float32(np.inf) or own > bearable):
+    if not unknown and (best < endless or own > bearable):
         own = own_difference(left, right, claim, y, x, here, bright, sums)
     own /= bright
     if best < allowed(limits, bright) and best < own - BETTER_SHARE:
@@ -182,12 +183,11 @@ def assign(  # type: ignore[no-untyped-def]
     height, width = trust.shape
     for number in prange(height):
         y = interleaved(np.int64(number), height)
-        sums = np.empty(LEVEL_PX, dtype=np.float32)
-        start = 0
-        while start < width:
-            end = start
-            while end < width and not trust[y, end]:
-                end += 1
+        sums = np.empty(LANES, dtype=np.float32)
+        end = 0
+        while end < width:
+            start = next_of(trust[y], end, False)
+            end = next_of(trust[y], start, True)
             after = end if end < width else -1
             narrow = end > start and has_narrow_run(disparity, y, start, end)
             for x in range(start, end):
@@ -196,7 +196,14 @@ def assign(  # type: ignore[no-untyped-def]
                         disparity, above, below, claim, y, x, start - 1, after, left, right, background, amplitude,
                         map_, limits, sums, narrow, new_disparity, new_sigma, new_signed, new_mismatch,
                     )  # fmt: skip
-            start = end + 1
+
+
+@njit(forceinline=True, **BARE)
+def next_of(trust, x, trusted):  # type: ignore[no-untyped-def]
+    """First column from ``x`` on that is trusted, or is not; the row's length where there is none."""
+    while x < trust.size and (trust[np.uint64(x)] > 0) != trusted:
+        x += 1
+    return x
 
 
 @njit(forceinline=True, **BARE)

@@ -86,12 +86,12 @@ def cos(angle):  # type: ignore[no-untyped-def]
 
 @njit(**BARE)
 def fits(  # type: ignore[no-untyped-def]
-    offer, y, x, x0, bright, background, left, right, map_, claim, limits, limit
+    offer, y, x, x0, bright, background, left, right, map_, claim, limits, limit, sums
 ):
     """Disparity of an offered plane as the row moves it, its difference in amplitudes (inf: refused), its variance.
 
-    ``bright`` and ``background`` are those of the trusted pixel in column ``x0``. A difference of more than ``limit``
-    need not be exact.
+    ``bright`` and ``background`` are those of the trusted pixel in column ``x0``. Light is looked at only where the
+    difference is less than ``limit``.
     """
     disparity, along, across = offer
     refused = np.float32(np.inf)
@@ -110,7 +110,7 @@ def fits(  # type: ignore[no-untyped-def]
         disparity += shift
     if taken(claim, y, x, disparity):
         return disparity, refused, variance
-    difference = small_difference(left, right, y, x, disparity, along, across, bright, np.float32(0.0), limit * bright)
+    difference = small_difference(left, right, y, x, disparity, along, across, bright, sums)
     if difference < limit * bright and not is_lit(left, background, bright, map_, y, x, disparity, along, limits[1]):
         return disparity, refused, variance
     return disparity, difference / bright, variance
