@@ -15,6 +15,7 @@ from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_phantom import drop_phantoms
 from moire_sensor.depth_refine import Match, fringe_orders, refine
+from moire_sensor.depth_ridge import sharpen
 from moire_sensor.depth_rim import close_rims
 from moire_sensor.depth_shot import drop_out_of_range, results
 from moire_sensor.depth_specks import drop_slivers, drop_specks
@@ -166,6 +167,7 @@ class PhasePipeline:
         if self._by_stereo:
             drop_phantoms(match, greys, phases[0].amplitude, self._projector, self.settings)
             extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
+            sharpen(match, greys, phases[0].amplitude)
             bridge(match, greys, phases[0].amplitude, self._rad_per_px, self.settings)
             close_rims(match, greys[0], phases[0], self._projector, self.settings)
             if way.single:

@@ -84,7 +84,7 @@ def test_square_fringes(name: str) -> None:
     check(dense_shot(name, waveform="square"), capture(name, waveform="square"), LIMITS.get(name, Limits()), 3.0)
 
 
-@pytest.mark.parametrize("name", ["plane_600", "small_plate"])
+@pytest.mark.parametrize("name", ["plane_600", "small_plate", "cylinder_and_box"])
 def test_texture(name: str) -> None:
     check(dense_shot(name, texture=0.3), capture(name, texture=0.3), Limits(), 3.0)
 
@@ -118,13 +118,11 @@ def trusted(name: str) -> tuple[int, int, int, int]:
 
 
 def test_confidence_is_calibrated() -> None:
-    """At most 0.05 % of the confident pixels off by a pixel, over all scenes but the poles; 90 % of the right sure."""
+    """At most 0.05 % of the confident pixels are off, on the poles alone, too; 90 % of the right ones are confident."""
     counts = {name: trusted(name) for name in analytic_scene_names()}
-    others = np.sum([counts[name] for name in counts if name != "thin_poles"], axis=0)
-    assert others[1] <= 0.0005 * others[0]
+    for sure, off, _, _ in (counts["thin_poles"], np.sum(list(counts.values()), axis=0)):
+        assert off <= 0.0005 * sure
     assert all(sure >= 0.9 * right for _, _, right, sure in counts.values())
-    # Beside thin poles confidence is too good: 0.22 % are off, not 0.05 %.
-    assert counts["thin_poles"][1] <= 0.0025 * counts["thin_poles"][0]
     assert all((dense_shot(name).confidence[np.isnan(dense_shot(name).depth_m)] == 0.0).all() for name in counts)
 
 
