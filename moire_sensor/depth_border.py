@@ -12,10 +12,11 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.apart import BARE, NAN_SAFE
+from moire_sensor.depth_around import SIDES, dimmest, neighbour, next_of
 from moire_sensor.depth_narrow import NO_RUN, has_narrow_run, run_offered
-from moire_sensor.depth_offer import RIM_PX, fits, plane_offered, taken
+from moire_sensor.depth_offer import fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
-from moire_sensor.depth_trust import FAR, JUMP_PX, ROW_REACH_PX, Trust
+from moire_sensor.depth_trust import JUMP_PX, Trust
 from moire_sensor.depth_window import LANES, small_difference
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
@@ -24,8 +25,8 @@ from moire_sensor.settings import Settings
 
 # What the first round gives to a surface lets the second trust its neighbours.
 ROUNDS = 2
-# Planes are offered from four sides, runs from left and right.
-SIDES, OFFERS = 4, 6
+# Planes are offered from all sides, runs from left and right.
+OFFERS = SIDES + 2
 NOTHING = (np.float32(np.nan), np.float32(0.0), np.float32(0.0))
 # A pixel leaves its surface only for one that fits better by this share of the amplitude.
 BETTER_SHARE = np.float32(0.03)
@@ -62,23 +63,6 @@ def extend(
 
 
 @njit(forceinline=True, **BARE)
-def neighbour(above, below, y, x, side, before, after):  # type: ignore[no-untyped-def]
-    """Trusted pixel left (side 0: column ``before``), right (1: ``after``), above (2) or below (3); row -1: none."""
-    y0, x0 = y, x
-    if side == 0:
-        x0 = before
-    elif side == 1:
-        x0 = after
-    elif side == 2:
-        y0 = y - np.int64(above[y, x]) if above[y, x] < FAR else -1
-    else:
-        y0 = y + np.int64(below[y, x]) if below[y, x] < FAR else -1
-    height, width = above.shape
-    inside = RIM_PX <= x0 < width - RIM_PX and RIM_PX <= y0 < height - RIM_PX
-    return (y0, x0) if inside and abs(x0 - x) <= ROW_REACH_PX else (-1, -1)
-
-
-@njit(forceinline=True, **BARE)
 def offer_of(disparity, above, below, y, x, number, before, after, alone, narrow):  # type: ignore[no-untyped-def]
     """Pixel (-1, -1: none) that makes one of the ``OFFERS``, and the disparity and slopes that it offers to (y, x)."""
     if number < SIDES:
@@ -87,17 +71,6 @@ def offer_of(disparity, above, below, y, x, number, before, after, alone, narrow
     step, trusted = (-1, before) if number == SIDES else (1, after)
     x0, offered, along = run_offered(disparity, y, x, step, trusted, alone, narrow)
     return (y, x0, (offered, along, np.float32(0.0))) if x0 != NO_RUN else (-1, -1, NOTHING)
-
-
-@njit(forceinline=True, **BARE)
-def dimmest(amplitude, above, below, y, x, before, after):  # type: ignore[no-untyped-def]
-    """Least fringe amplitude of the pixel and the trusted ones around it."""
-    bright = max(amplitude[y, x], np.float32(1.0))
-    for side in range(SIDES):
-        y0, x0 = neighbour(above, below, y, x, side, before, after)
-        if y0 >= 0:
-            bright = min(bright, amplitude[y0, x0])
-    return bright
 
 
 @njit(forceinline=True, **BARE)
@@ -117,17 +90,17 @@ def best_offer(  # type: ignore[no-untyped-def]
     """
     best, chosen = np.float32(np.inf), np.float32(np.nan)
     variance, bright = np.float32(0.0), max(amplitude[y, x], np.float32(1.0))
+    here = disparity[np.uint64(y), np.uint64(x)]
     for number in range(OFFERS):
         alone = best == np.float32(np.inf)
         y0, x0, offer = offer_of(disparity, above, below, y, x, number, before, after, alone, narrow)
-        if y0 < 0 or abs(offer[0] - disparity[y, x]) < JUMP_PX:
+        if y0 < 0 or abs(offer[0] - here) < JUMP_PX:
             continue
-        shine, limit = amplitude[y0, x0], best
+        shine, dark = amplitude[np.uint64(y0), np.uint64(x0)], background[np.uint64(y0), np.uint64(x0)]
+        limit = best
         if not np.isnan(own):
             limit = min(limit, allowed(limits, shine), own / shine - BETTER_SHARE)
-        moved, difference, doubt = fits(
-            offer, y, x, x0, shine, background[y0, x0], left, right, map_, claim, limits, limit, sums
-        )
+        moved, difference, doubt = fits(offer, y, x, x0, shine, dark, left, right, map_, claim, limits, limit, sums)
         if difference < best:
             best, chosen, variance, bright = difference, moved, doubt, shine
     return best, chosen, variance, bright
@@ -196,14 +169,6 @@ def assign(  # type: ignore[no-untyped-def]
                         disparity, above, below, claim, y, x, start - 1, after, left, right, background, amplitude,
                         map_, limits, sums, narrow, new_disparity, new_sigma, new_signed, new_mismatch,
                     )  # fmt: skip
-
-
-@njit(forceinline=True, **BARE)
-def next_of(trust, x, trusted):  # type: ignore[no-untyped-def]
-    """First column from ``x`` on that is trusted, or is not; the row's length where there is none."""
-    while x < trust.size and (trust[np.uint64(x)] > 0) != trusted:
-        x += 1
-    return x
 
 
 @njit(forceinline=True, **BARE)

@@ -24,8 +24,8 @@ from border_scene import (
 )
 from dense_rigs import Array, Float32
 
+from moire_sensor import depth_around, depth_narrow, depth_trust, depth_window
 from moire_sensor import depth_border as border
-from moire_sensor import depth_narrow, depth_trust, depth_window
 from moire_sensor import depth_offer as fit
 from moire_sensor.depth_refine import Match
 from moire_sensor.settings import Settings
@@ -127,7 +127,7 @@ def test_a_shifted_row_is_matched_by_its_shift() -> None:
 def test_neighbours_are_the_nearest_trusted_pixels() -> None:
     rng = np.random.default_rng(3)
     trust = rng.uniform(size=(40, 120)) < np.where(np.arange(120) % 60 < 5, 0.3, 0.002)
-    neighbour = interpreted(border.neighbour)
+    neighbour = interpreted(depth_around.neighbour)
     above, below = np.empty((2, 40, 120), dtype=np.uint8)
     depth_trust.fill_rows_away(trust.astype(np.uint8), above, below)
     met = set()
