@@ -17,6 +17,7 @@ from moire_sensor.depth_phantom import drop_phantoms
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.depth_ridge import sharpen
 from moire_sensor.depth_rim import close_rims
+from moire_sensor.depth_seek import seek
 from moire_sensor.depth_shot import drop_out_of_range, results
 from moire_sensor.depth_specks import drop_slivers, drop_specks
 from moire_sensor.depth_surface import along_surface
@@ -166,6 +167,9 @@ class PhasePipeline:
         drop_specks(match.disparity_px, self.settings.min_segment_px)
         if self._by_stereo:
             drop_phantoms(match, greys, phases[0].amplitude, self._projector, self.settings)
+            if way.single:
+                half_width = self._carriers[0].half_width_px
+                seek(match, greys, phases[0], self._projector, self._orders, half_width, self.settings)
             extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
             sharpen(match, greys, phases[0].amplitude)
             bridge(match, greys, phases[0].amplitude, self._rad_per_px, self.settings)

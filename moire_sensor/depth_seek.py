@@ -1,0 +1,190 @@
+"""Narrow things that the windows of a fringe's width have lost or taken for the wall behind, found again.
+
+From the right view: pixels that nobody explains (:mod:`depth_seek_row`) are compared with the left view at every
+disparity, half a fringe at a time (:mod:`depth_seek_fit`), and those that fit are chained along the row
+(:mod:`depth_seek_chain`). Only one row in a few is looked at, as the mean of those around it: what is found must go on
+from one to the next.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from moire_sensor.apart import BARE, NAN_SAFE
+from moire_sensor.depth_narrow import STEP_PX
+from moire_sensor.depth_refine import Match
+from moire_sensor.depth_seek_chain import (
+    APART,
+    HIGHEST,
+    LIGHT,
+    LOWEST,
+    VIEWS_SHARE,
+    chained,
+    chosen,
+    weight_of,
+)
+from moire_sensor.depth_seek_fit import HALF_PX, PIECE_PX, ZERO, fill_differences, least_between
+from moire_sensor.depth_seek_row import fill_claims, fill_left_over, fill_mean, fill_sides, fill_sure, is_bright, lower
+from moire_sensor.depth_seek_spread import MEAN_PX, ROWS_PX, close_holes, reach_out, write
+from moire_sensor.order_range import OrderRange
+from moire_sensor.phase_carrier import Float32
+from moire_sensor.phase_image import PhaseImage
+from moire_sensor.projector_map import ProjectorMap
+from moire_sensor.settings import Settings
+from moire_sensor.shot import Status
+
+# Most disparities kept of a row, by its columns; fewest that a least one can be found among.
+KEPT, LEAST_SIZE = 4, 3
+# What counts as lit is brighter than this share of what fringes are at most; sigmas of noise that views may differ by;
+# the brightest grey level.
+LIT_SHARE, NOISE_SIGMAS, BRIGHTEST = 0.35, 2.5, 255.0
+# One pixel in so many, along either direction, tells what the fringes are like; at least so many must be lit.
+SAMPLE_PX, LEAST_SAMPLES = 7, 100
+
+
+def seek(
+    match: Match,
+    greys: tuple[Float32, Float32],
+    phase: PhaseImage,
+    projector: ProjectorMap,
+    orders: OrderRange,
+    half_width_px: int,
+    settings: Settings,
+) -> None:
+    """Write the disparities of what is found into the match, in place.
+
+    Parameters
+    ----------
+    match : disparities, NaN where unknown.
+    greys : left, and right with the grey levels of the left, (H, W) float32.
+    phase : the left phase, whose amplitude and background tell what lit surfaces look like.
+    half_width_px : half of a fringe. Of fringes wider than about two pieces a piece says too little.
+    """
+    height, width = match.disparity_px.shape
+    limits = limits_of(phase, orders, settings)
+    if height < MEAN_PX + ROWS_PX or half_width_px > PIECE_PX + 1 or limits is None:
+        return
+    found = np.empty(((height - MEAN_PX) // ROWS_PX + 1, width), dtype=np.float32)
+    seek_rows(match.disparity_px, *greys, projector.packed(), limits, 2 * half_width_px + 1, found)
+    write(found, *match.images())
+
+
+def limits_of(phase: PhaseImage, orders: OrderRange, settings: Settings) -> Float32 | None:
+    """Limits as in :mod:`depth_seek_chain`, None in an image without light."""
+    every = np.s_[::SAMPLE_PX, ::SAMPLE_PX]
+    lit = phase.status[every] == Status.OK
+    if np.count_nonzero(lit) < LEAST_SAMPLES:
+        return None
+    amplitude, background = phase.amplitude[every][lit], phase.background[every][lit]
+    share, light = float(np.median(amplitude / background)), float(np.median(amplitude + background))
+    noise = NOISE_SIGMAS * np.sqrt(2.0 / MEAN_PX) * settings.image_noise
+    apart = PIECE_PX * (noise + VIEWS_SHARE * share * BRIGHTEST) ** 2
+    lowest, highest = np.floor(orders.min_disparity_px), np.ceil(orders.max_disparity_px)
+    return np.array([lowest, highest, share, LIT_SHARE * light, noise, apart], dtype=np.float32)
+
+
+@njit(parallel=True, fastmath=NAN_SAFE, error_model="numpy", cache=True)
+def seek_rows(disparity, left, right, map_, limits, least_px, found):  # type: ignore[no-untyped-def]
+    """Fill ``found`` (n, W) with the disparities of the rows looked at, NaN where nothing is."""
+    width = disparity.shape[1]
+    for number in prange(found.shape[0]):
+        first = np.int64(number) * ROWS_PX
+        y, line = first + MEAN_PX // 2, found[number]
+        line[:] = np.float32(np.nan)
+        room, places = np.empty((9, width), dtype=np.float32), np.empty(width, dtype=np.int64)
+        sure, claims = room[2], room[5]
+        fill_sure(disparity[y], least_px, sure)
+        fill_claims(sure, claims)
+        fill_sides(claims, room[6], room[7])
+        over = fill_left_over(sure, claims, room[6], room[7], places)
+        if over == 0:
+            continue
+        fill_mean(left, first, first + MEAN_PX, room[0])
+        fill_mean(right, first, first + MEAN_PX, room[1])
+        fill_sides(sure, room[3], room[4])
+        rows = room[0], room[1], sure, room[3], room[4], room[6], room[7]
+        if seek_row(rows, places[:over], map_, limits, least_px, y, room[8], line) > 0:
+            close_holes(line)
+            reach_out(line, rows, room[8])
+
+
+@njit(fastmath=NAN_SAFE, error_model="numpy")
+def seek_row(rows, places, map_, limits, least_px, y, best, line):  # type: ignore[no-untyped-def]
+    """Write into a row the disparities of the chains through right columns ``places``; return how many.
+
+    ``best`` (W,) is memory for the weights of those written.
+    """
+    most = KEPT * line.size
+    disparities, chain_of = np.empty(most, dtype=np.float32), np.empty(most, dtype=np.int64)
+    chains, begins = np.empty((3, most), dtype=np.float32), np.empty(places.size + 1, dtype=np.int64)
+    apart = np.empty(int(limits[HIGHEST] - limits[LOWEST]) + 3, dtype=np.float32)
+    marked = np.empty(apart.size, dtype=np.uint8)
+    count, chain_count = 0, 0
+    for number in range(places.size):
+        column = places[number]
+        begins[number] = count
+        beside = number > 0 and column - places[number - 1] == 1
+        begin, end = (begins[number - 1] if beside else count), count
+        lowest, size = compare(rows, column, limits, least_px, apart, marked)
+        for i in range(1, size - 1):
+            if not marked[i]:
+                continue
+            aside, least = least_between(apart, i)
+            if least > limits[APART] or count == most:
+                continue
+            disparity = np.float32(lowest + i) + aside
+            weight, wall = weight_of(rows, map_, limits, y, column, column + lowest + i, disparity)
+            if weight > ZERO:
+                chain = chained(disparity, weight, wall, begin, end, disparities, chain_of, chains, chain_count)
+                chain_count += chain == chain_count
+                disparities[count], chain_of[count] = disparity, chain
+                count += 1
+    begins[places.size] = count
+    return keep_chosen(places, begins, disparities, chain_of, chains, best, line)
+
+
+@njit(fastmath=NAN_SAFE, error_model="numpy")
+def compare(rows, column, limits, least_px, apart, marked):  # type: ignore[no-untyped-def]
+    """Compare a lit right pixel with the left view at all disparities of the range that are not behind the wall.
+
+    Returns
+    -------
+    The first disparity and how many there are, 0 for none; ``apart`` and ``marked`` hold their differences and where
+    these are least.
+    """
+    left, right = rows[0], rows[1]
+    if not is_bright(right, column, least_px // 2, limits[LIGHT]):
+        return 0, 0
+    far = lower(rows[5][column], rows[6][column])
+    lowest = int(limits[LOWEST] if np.isnan(far) else max(limits[LOWEST], far - STEP_PX))
+    lowest = max(lowest, HALF_PX - column)
+    size = min(int(limits[HIGHEST]) - lowest + 1, left.size - HALF_PX - column - lowest)
+    if size < LEAST_SIZE:
+        return 0, 0
+    start = column + lowest - HALF_PX
+    fill_differences(
+        left[start : start + size + PIECE_PX - 1], right[column - HALF_PX : column + HALF_PX + 1], apart[:size],
+        marked[:size],
+    )  # fmt: skip
+    return lowest, size
+
+
+@njit(**BARE)
+def keep_chosen(places, begins, disparities, chain_of, chains, best, line):  # type: ignore[no-untyped-def]
+    """Write the disparities of right columns that are beyond doubt, the best of those that meet; return how many."""
+    seen = 0
+    for x in range(line.size):
+        best[x] = ZERO
+    for number in range(places.size):
+        if begins[number] == begins[number + 1]:
+            continue
+        k = chosen(disparities, chain_of, begins[number], begins[number + 1], chains)
+        if k < 0:
+            continue
+        x = int(np.floor(np.float32(places[number]) + disparities[k] + np.float32(0.5)))
+        weight = chains[0, chain_of[k]]
+        if weight > best[x]:
+            line[x], best[x] = disparities[k], weight
+            seen += 1
+    return seen
