@@ -19,12 +19,12 @@ from moire_sensor.depth_seek_chain import (
     HIGHEST,
     LIGHT,
     LOWEST,
-    VIEWS_SHARE,
     chained,
     chosen,
     weight_of,
 )
 from moire_sensor.depth_seek_fit import HALF_PX, PIECE_PX, ZERO, fill_differences, least_between
+from moire_sensor.depth_seek_light import are_cosines, limits_of
 from moire_sensor.depth_seek_row import fill_claims, fill_left_over, fill_mean, fill_sides, fill_sure, is_bright, lower
 from moire_sensor.depth_seek_spread import MEAN_PX, ROWS_PX, close_holes, reach_out, write
 from moire_sensor.order_range import OrderRange
@@ -32,15 +32,9 @@ from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
-from moire_sensor.shot import Status
 
 # Most disparities kept of a row, by its columns; fewest that a least one can be found among.
 KEPT, LEAST_SIZE = 4, 3
-# What counts as lit is brighter than this share of what fringes are at most; sigmas of noise that views may differ by;
-# the brightest grey level.
-LIT_SHARE, NOISE_SIGMAS, BRIGHTEST = 0.35, 2.5, 255.0
-# One pixel in so many, along either direction, tells what the fringes are like; at least so many must be lit.
-SAMPLE_PX, LEAST_SAMPLES = 7, 100
 
 
 def seek(
@@ -59,29 +53,18 @@ def seek(
     match : disparities, NaN where unknown.
     greys : left, and right with the grey levels of the left, (H, W) float32.
     phase : the left phase, whose amplitude and background tell what lit surfaces look like.
-    half_width_px : half of a fringe. Of fringes wider than about two pieces a piece says too little.
+    half_width_px : half of a fringe. Of fringes wider than about two pieces a piece says too little, and nothing is
+        sought; nor where what is known does not show the fringes that were projected.
     """
     height, width = match.disparity_px.shape
     limits = limits_of(phase, orders, settings)
     if height < MEAN_PX + ROWS_PX or half_width_px > PIECE_PX + 1 or limits is None:
         return
+    if not are_cosines(match.disparity_px, greys, projector, limits):
+        return
     found = np.empty(((height - MEAN_PX) // ROWS_PX + 1, width), dtype=np.float32)
     seek_rows(match.disparity_px, *greys, projector.packed(), limits, 2 * half_width_px + 1, found)
     write(found, *match.images())
-
-
-def limits_of(phase: PhaseImage, orders: OrderRange, settings: Settings) -> Float32 | None:
-    """Limits as in :mod:`depth_seek_chain`, None in an image without light."""
-    every = np.s_[::SAMPLE_PX, ::SAMPLE_PX]
-    lit = phase.status[every] == Status.OK
-    if np.count_nonzero(lit) < LEAST_SAMPLES:
-        return None
-    amplitude, background = phase.amplitude[every][lit], phase.background[every][lit]
-    share, light = float(np.median(amplitude / background)), float(np.median(amplitude + background))
-    noise = NOISE_SIGMAS * np.sqrt(2.0 / MEAN_PX) * settings.image_noise
-    apart = PIECE_PX * (noise + VIEWS_SHARE * share * BRIGHTEST) ** 2
-    lowest, highest = np.floor(orders.min_disparity_px), np.ceil(orders.max_disparity_px)
-    return np.array([lowest, highest, share, LIT_SHARE * light, noise, apart], dtype=np.float32)
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, error_model="numpy", cache=True)

@@ -151,3 +151,11 @@ def test_posts_at_random_places() -> None:
     posts = score(shot, nearer_than(truth, wall_m - 0.07))
     assert posts.right_share > 0.9
     assert posts.outlier_share < 0.05
+
+
+def test_fringes_that_a_gamma_bends_are_left_alone() -> None:
+    """Pieces of them look like pieces of cosines elsewhere."""
+    post = Post(WALL_PX + 0.6 * ALIAS_PX)
+    left, right = (np.float32(160.0 * (np.maximum(view, 0.0) / 160.0) ** 2.2) for view in post.greys())
+    known = post.known(np.nan)
+    np.testing.assert_array_equal(sought(known, (left, right)), known.astype(np.float32))
