@@ -12,6 +12,8 @@ from moire_sensor.apart import NAN_SAFE, ROW
 from moire_sensor.phase_carrier import Float32
 
 SAME_SURFACE_PX = np.float32(1.0)
+# Steep surfaces must not fall to pieces.
+CONNECTED_PX = np.float32(1.125)
 # Rows whose runs one task unites: few, so that threads share them evenly, and their seams are quickly closed.
 BAND_ROWS = 30
 # Marks are looked for so many at a time.
@@ -30,7 +32,7 @@ def drop_slivers(disparity_px: Float32, least_px: int) -> None:
 def drop_specks(disparity_px: Float32, least_px: int) -> None:
     """Set in place to NaN the disparities (H, W) on connected surfaces of fewer than ``least_px`` pixels.
 
-    Neighbours left, right, above and below are connected if they lie at most ``SAME_SURFACE_PX`` apart.
+    Neighbours left, right, above and below are connected if they lie at most ``CONNECTED_PX`` apart.
     """
     height, width = disparity_px.shape
     # Numbers of a row lie apart, so that of so much memory only a little is touched.
@@ -48,7 +50,7 @@ def clear_short_runs(disparity, least):  # type: ignore[no-untyped-def]
     for y in prange(height):
         row = disparity[y]
         marks, edges = np.zeros(width // WORD * WORD + WORD, dtype=np.uint8), np.empty(width + 1, dtype=np.int32)
-        count = list_edges(row, marks, edges)
+        count = list_edges(row, SAME_SURFACE_PX, marks, edges)
         for run in range(count):
             if edges[run + 1] - edges[run] < least:
                 row[edges[run] : edges[run + 1]] = np.float32(np.nan)
@@ -65,7 +67,7 @@ def unite_bands(disparity, edges, parents, pixels):  # type: ignore[no-untyped-d
         first = np.int64(band) * BAND_ROWS
         marks = np.zeros(width // WORD * WORD + WORD, dtype=np.uint8)
         for y in range(first, min(first + BAND_ROWS, height)):
-            count = list_edges(disparity[y], marks, edges[:, y])
+            count = list_edges(disparity[y], CONNECTED_PX, marks, edges[:, y])
             for run in range(count):
                 parents[run, y] = run * height + y
                 pixels[run, y] = edges[run + 1, y] - edges[run, y]
@@ -74,12 +76,13 @@ def unite_bands(disparity, edges, parents, pixels):  # type: ignore[no-untyped-d
 
 
 @njit(fastmath=NAN_SAFE)
-def list_edges(line, marks, edges):  # type: ignore[no-untyped-def]
+def list_edges(line, limit, marks, edges):  # type: ignore[no-untyped-def]
     """Fill the first columns of the runs and gaps of a row, and its length after the last; return how many.
 
-    ``marks`` is memory for W bytes, of whole words, and zero beyond the row.
+    Within a run neighbours lie at most ``limit`` pixels apart. ``marks`` is memory for W bytes, of whole words, and
+    zero beyond the row.
     """
-    mark_edges(line, marks)
+    mark_edges(line, limit, marks)
     words, count = marks.view(np.uint64), 0
     for word in range(words.size):
         if words[word] > 0:
@@ -92,13 +95,13 @@ def list_edges(line, marks, edges):  # type: ignore[no-untyped-def]
 
 
 @njit(**ROW)
-def mark_edges(line, marks):  # type: ignore[no-untyped-def]
+def mark_edges(line, limit, marks):  # type: ignore[no-untyped-def]
     """Mark the pixels of a row that begin a run or a gap between runs."""
     marks[0] = 1
     for x in range(1, line.size):
         here, before = line[x], line[x - 1]
         known = (here == here) | (before == before)
-        marks[x] = known & (not abs(here - before) <= SAME_SURFACE_PX)
+        marks[x] = known & (not abs(here - before) <= limit)
 
 
 @njit(fastmath=NAN_SAFE, cache=True)
@@ -111,7 +114,7 @@ def unite_rows(disparity, y, edges, parents, pixels):  # type: ignore[no-untyped
         end = min(end_over, end_under)
         if disparity[y, x] == disparity[y, x] and disparity[y - 1, x] == disparity[y - 1, x]:
             for column in range(x, end):
-                if abs(disparity[y, column] - disparity[y - 1, column]) <= SAME_SURFACE_PX:
+                if abs(disparity[y, column] - disparity[y - 1, column]) <= CONNECTED_PX:
                     unite(parents, pixels, over * height + y - 1, under * height + y)
                     break
         over += end == end_over

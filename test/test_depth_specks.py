@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dense_rigs import Float32
 
-from moire_sensor.depth_specks import BAND_ROWS, SAME_SURFACE_PX, drop_slivers, drop_specks
+from moire_sensor.depth_specks import BAND_ROWS, CONNECTED_PX, drop_slivers, drop_specks
 
 
 def kept(disparity: Float32, least: int) -> Float32:
@@ -36,7 +36,7 @@ def slow_specks(disparity: Float32, least: int) -> Float32:
             y, x = waiting.pop()
             for at in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
                 inside = 0 <= at[0] < disparity.shape[0] and 0 <= at[1] < disparity.shape[1]
-                if inside and not seen[at] and abs(disparity[at] - disparity[y, x]) <= SAME_SURFACE_PX:
+                if inside and not seen[at] and abs(disparity[at] - disparity[y, x]) <= CONNECTED_PX:
                     seen[at] = True
                     surface.append(at)
                     waiting.append(at)
