@@ -19,7 +19,7 @@ from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import JUMP_PX, Trust
 from moire_sensor.depth_window import LANES, small_difference
 from moire_sensor.phase_carrier import Float32
-from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_image import Light
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
@@ -37,7 +37,7 @@ LEAST_NOISE = np.float32(0.5)
 def extend(
     match: Match,
     greys: tuple[Float32, Float32],
-    phase: PhaseImage,
+    light: Light,
     projector: ProjectorMap,
     rad_per_px: float,
     settings: Settings,
@@ -58,7 +58,7 @@ def extend(
         room.look(match.disparity_px)
         assign(
             room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
-            phase.background, phase.amplitude, projector.packed(), limits, *match.images(),
+            light.background, light.amplitude, projector.packed(), limits, *match.images(),
         )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.apart import ROW
@@ -14,14 +15,21 @@ MISMATCH_WEIGHT = np.float32(0.5)
 
 
 def drop_rivals(
-    disparity_px: Float32, mismatch_rad: Float32, amplitude: Float32, images: tuple[Float32, Float32]
+    disparity_px: Float32,
+    mismatch_rad: Float32,
+    amplitude: Float32,
+    images: tuple[Float32, Float32],
+    rows: npt.NDArray[np.int64],
 ) -> None:
-    """Set in place to NaN the disparities (H, W) whose right pixel a better match of another surface claims."""
-    keep_unique(disparity_px, mismatch_rad, amplitude, *images)
+    """Set in place to NaN the disparities whose right pixel a better match of another surface claims.
+
+    Disparities, mismatches and amplitudes (n, W) are those of some ``rows`` (n,) of the images (H, W).
+    """
+    keep_unique(disparity_px, mismatch_rad, amplitude, *images, rows)
 
 
 @njit(parallel=True, cache=True)
-def keep_unique(disparity, mismatch, amplitude, left, right):  # type: ignore[no-untyped-def]
+def keep_unique(disparity, mismatch, amplitude, left, right, rows):  # type: ignore[no-untyped-def]
     """Of the left pixels that claim one right pixel from different surfaces only the one that looks like it stays."""
     height, width = disparity.shape
     for row in prange(height):
@@ -36,7 +44,7 @@ def keep_unique(disparity, mismatch, amplitude, left, right):  # type: ignore[no
                 continue
             here, held = disparity[y, x], claim[at]
             if held != held or (abs(held - here) > SAME_SURFACE_PX and beats(
-                disparity, mismatch, amplitude, left, right, y, x, winner[at]
+                disparity[y], mismatch[y], amplitude[y], left, right, rows[y], x, winner[at]
             )):  # fmt: skip
                 claim[at], winner[at] = here, x
         keep_claims(column, claim, disparity[y])
@@ -70,8 +78,8 @@ def beats(disparity, mismatch, amplitude, left, right, y, x, rival):  # type: ig
 def differs(disparity, mismatch, amplitude, left, right, y, x):  # type: ignore[no-untyped-def]
     """How badly a match fits: grey levels over three rows, in fringe amplitudes, and the mismatch of the phases."""
     total = np.float32(0.0)
-    first, last = max(y - 1, 0), min(y + 1, disparity.shape[0] - 1)
+    first, last = max(y - 1, 0), min(y + 1, left.shape[0] - 1)
     for yy in range(first, last + 1):
-        total += difference(left, right, yy, x, x - disparity[y, x], REACH_PX)
-    grey = total / np.float32(last - first + 1) / max(amplitude[y, x], np.float32(1.0))
-    return grey + MISMATCH_WEIGHT * mismatch[y, x]
+        total += difference(left, right, yy, x, x - disparity[x], REACH_PX)
+    grey = total / np.float32(last - first + 1) / max(amplitude[x], np.float32(1.0))
+    return grey + MISMATCH_WEIGHT * mismatch[x]

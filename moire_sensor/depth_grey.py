@@ -63,11 +63,11 @@ def right_as_left(right: Float32, disparity_px: Float32, phases: tuple[PhaseImag
 def match_greys(
     match: Match, greys: tuple[Float32, Float32], amplitude: Float32, half_width: int, settings: Settings
 ) -> Match:
-    """Measure every disparity by the grey levels of a window one period wide.
+    """Measure every disparity by the grey levels of a window one period wide, after :func:`approach_greys`.
 
     Parameters
     ----------
-    match : disparities within a few pixels of the truth.
+    match : disparities within a pixel or so of the truth, but for few.
     greys : left, and right with the grey levels of the left (:func:`right_as_left`), (H, W) float32.
     amplitude : fringe amplitude of the left image (H, W).
     half_width : half of a period, pixels.
@@ -78,22 +78,52 @@ def match_greys(
         NaN where the two views look different. Its disparities last until the next call in this thread; its other
         images are those of ``match``, whose sigma is filled anew.
     """
-    enough = np.float32((settings.image_noise / SURE_PX) ** 2)
-    window = (2 * half_width + 1, settings.half_height_grey_px)
     disparity, room = match.disparity_px, Room.of(amplitude.shape)
-    known = np.count_nonzero(disparity == disparity)
-    for number in range(1, ROUNDS_ON_TEXTURE + 1):
-        smooth = along_surface(disparity, half_width, window[1], (room.apart, room.smooth))
-        disparity = room.found
-        moving = measure(
-            *greys, smooth, amplitude, *window, np.float32(settings.image_noise), enough, room.apart, room.power,
-            disparity,
-        )  # fmt: skip
-        if number == ROUNDS and moving <= MOVING_SHARE * known:
+    for number in range(ROUNDS_ON_TEXTURE - 1):
+        disparity, moving = one_round(disparity, greys, amplitude, half_width, settings.half_height_grey_px, settings)
+        if number == 0 and moving <= MOVING_SHARE * np.count_nonzero(disparity == disparity):
             break
-    fill_sigma(room.apart, room.power, *window, enough, match.sigma_px)
+    window = 2 * half_width + 1, settings.half_height_grey_px
+    fill_sigma(room.apart, room.power, *window, least_power(settings), match.sigma_px)
     drop_foreign(disparity, least_difference(room.apart, MISFIT_WINDOW), amplitude, settings)
     return replace(match, disparity_px=disparity)
+
+
+def approach_greys(
+    match: Match, greys: tuple[Float32, Float32], phase: PhaseImage, half_width: int, settings: Settings
+) -> Match:
+    """The first round of :func:`match_greys`, for the rows (n, W) of the left ``phase``: match within a few pixels."""
+    half_height = -(-settings.half_height_grey_px // phase.row_step)
+    rows = phase.first_row, phase.row_step
+    found, _ = one_round(match.disparity_px, greys, phase.amplitude, half_width, half_height, settings, rows)
+    return replace(match, disparity_px=found)
+
+
+def one_round(
+    disparity_px: Float32,
+    greys: tuple[Float32, Float32],
+    amplitude: Float32,
+    half_width: int,
+    half_height: int,
+    settings: Settings,
+    rows: tuple[int, int] = (0, 1),
+) -> tuple[Float32, int]:
+    """Disparities (n, W) moved once, which last until the next call, and how many moved far.
+
+    Windows reach ``half_height`` rows up and down; ``rows`` are the first and the step of those of the disparities.
+    """
+    room = Room.of(amplitude.shape)
+    smooth = along_surface(disparity_px, half_width, half_height, (room.apart, room.smooth))
+    moving = measure(
+        *greys, smooth, amplitude, *rows, 2 * half_width + 1, half_height, np.float32(settings.image_noise),
+        least_power(settings), room.apart, room.power, room.found,
+    )  # fmt: skip
+    return room.found, moving
+
+
+def least_power(settings: Settings) -> np.float32:
+    """Least sum of squared slopes that places a window."""
+    return np.float32((settings.image_noise / SURE_PX) ** 2)
 
 
 @dataclass(frozen=True)

@@ -25,33 +25,35 @@ ROUNDS_SIGMA = np.float32(1.3)
 
 @njit(parallel=True, cache=True)
 def measure(  # type: ignore[no-untyped-def]
-    left, right, disparity, amplitude, columns, half_height, noise, enough, apart, power, found
+    left, right, disparity, amplitude, first_row, row_step, columns, half_height, noise, enough, apart, power, found
 ):
-    """Fill ``found`` (H, W) with the disparities that remove the differences of the windows at the given ones.
+    """Fill ``found`` (n, W) with the disparities that remove the differences of the windows at the given ones.
 
     Parameters
     ----------
-    columns, half_height : of the windows: columns, and rows above and below.
+    disparity, amplitude : (n, W), of every ``row_step``-th row of the images (H, W) from ``first_row`` on.
+    columns, half_height : of the windows: columns, and such rows above and below.
     enough : least sum of squared slopes that moves a disparity.
-    apart, power : (H, W), filled with the differences of the pixels, and with sums of squared slopes over the windows.
+    apart, power : (n, W), filled with the differences of the pixels, and with sums of squared slopes over the windows.
 
     Returns
     -------
     How many pixels with a disparity move far.
     """
     far = np.int64(0)
-    for band in prange((left.shape[0] + BAND_ROWS - 1) // BAND_ROWS):
+    for band in prange((disparity.shape[0] + BAND_ROWS - 1) // BAND_ROWS):
         far += measure_band(
-            left, right, disparity, amplitude, columns, half_height, noise, enough, np.int64(band) * BAND_ROWS,
-            apart, power, found,
+            left, right, disparity, amplitude, first_row, row_step, columns, half_height, noise, enough,
+            np.int64(band) * BAND_ROWS, apart, power, found,
         )  # fmt: skip
     return far
 
 
 @njit(**ROW)
 def measure_band(  # type: ignore[no-untyped-def]
-    left, right, disparity, amplitude, columns, half_height, noise, enough, first, apart, power, found
-):
+    left, right, disparity, amplitude, first_row, row_step, columns, half_height, noise, enough, first, apart, power,
+    found,
+):  # fmt: skip
     """The rows of one band from ``first`` on."""
     height, width = disparity.shape
     last, start = min(first + BAND_ROWS, height), max(first - half_height, 0)
@@ -64,8 +66,9 @@ def measure_band(  # type: ignore[no-untyped-def]
         if y < height:
             slot = y % powers.shape[0]
             inside = first <= y < last
+            row = first_row + row_step * y
             compare_row(
-                left[y], right[y], disparity[y], amplitude[y], noise, powers[slot], mets[slot],
+                left[row], right[row], disparity[y], amplitude[y], noise, powers[slot], mets[slot],
                 apart[y] if inside else room[3, :width],
             )  # fmt: skip
             change(powers[slot], mets[slot], ONE, down[0][columns // 2 :], down[1][columns // 2 :])

@@ -20,7 +20,7 @@ from moire_sensor.shot import UNKNOWN_ORDER
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """Disparity of every left pixel, arrays (H, W) float32, NaN where there is none.
+    """Disparity of every left pixel, or of those of some rows, arrays (n, W) float32, NaN where there is none.
 
     Attributes
     ----------
@@ -59,10 +59,10 @@ def refine(
 
     Parameters
     ----------
-    label : (H, W) int8, the order of every pixel counted from ``orders.first``, negative for none.
+    label : (n, W) int8, the order of every pixel counted from ``orders.first``, negative for none.
     max_mismatch_rad : pixels whose phases disagree by more have no disparity, only a mismatch.
     match : a match to change in place at the pixels with a label; without one, those without a label are NaN.
-    buffer : (4, H, W) float32 for the arrays of a new match, which last until its next use.
+    buffer : (4, n, W) float32 for the arrays of a new match, which last until its next use.
     """
     left, right = phases
     fresh = match is None
@@ -70,7 +70,7 @@ def refine(
     errors = np.array([settings.common_error_rad, settings.alignment_px, max_mismatch_rad], dtype=np.float32)
     middle = np.float32(carriers[0].disparity_px)
     solve_disparity(
-        label, orders.first, left.offset_rad, right.offset_rad, left.sigma_rad, right.sigma_rad,
+        label, left.rows, orders.first, left.offset_rad, right.offset_rad, left.sigma_rad, right.sigma_rad,
         carriers[0].phase_rad, carriers[1].phase_rad, projector.packed(), middle, errors, fresh, *match.images(),
     )  # fmt: skip
     return match
@@ -78,17 +78,19 @@ def refine(
 
 @njit(parallel=True, cache=True)
 def solve_disparity(  # type: ignore[no-untyped-def]
-    label, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, middle, errors, fresh,
+    label, rows, first, left, right, left_sigma, right_sigma, left_rad, right_rad, map_, middle, errors, fresh,
     disparity, sigma, signed, mismatch,
 ):  # fmt: skip
-    """Fill disparity, sigma and mismatches (H, W each) at pixels with a label; if ``fresh``, NaN at the others."""
+    """Fill disparity, sigma and mismatches (n, W) of the rows of the image; if ``fresh``, NaN without a label."""
     height, width = label.shape
-    for row in prange(height):
-        y = np.int64(row)
-        room, rows = np.empty((3, width), dtype=np.float32), np.empty((ROWS, PART), dtype=np.float32)
+    for number in prange(height):
+        index = np.int64(number)
+        y = rows[index]
+        room, parts = np.empty((3, width), dtype=np.float32), np.empty((ROWS, PART), dtype=np.float32)
         refine_row(
-            label[y], first, y, left[y], left_sigma[y], left_rad[y], right[y], right_sigma[y], right_rad[y], map_,
-            middle, errors, fresh, room, rows, disparity[y], sigma[y], signed[y], mismatch[y],
+            label[index], first, y, left[index], left_sigma[index], left_rad[y], right[index], right_sigma[index],
+            right_rad[y], map_, middle, errors, fresh, room, parts, disparity[index], sigma[index], signed[index],
+            mismatch[index],
         )  # fmt: skip
 
 

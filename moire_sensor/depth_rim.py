@@ -14,7 +14,7 @@ from moire_sensor.depth_offer import fringe_cos
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_trust import JUMP_PX
 from moire_sensor.phase_carrier import Float32
-from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_image import Light
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
@@ -35,7 +35,7 @@ HALF = np.float32(0.5)
 SIGMA_PX = np.float32(0.35)
 
 
-def close_rims(match: Match, left: Float32, phase: PhaseImage, projector: ProjectorMap, settings: Settings) -> None:
+def close_rims(match: Match, left: Float32, light: Light, projector: ProjectorMap, settings: Settings) -> None:
     """Give the unknown pixels right beside a surface to it, in place, where their grey level says so.
 
     Parameters
@@ -48,7 +48,7 @@ def close_rims(match: Match, left: Float32, phase: PhaseImage, projector: Projec
     """
     noise = np.float32(settings.image_noise)
     known = match.disparity_px.copy()
-    fill_rims(known, left, phase.background, phase.amplitude, projector.packed(), noise, *match.images())
+    fill_rims(known, left, light.background, light.amplitude, projector.packed(), noise, *match.images())
 
 
 @njit(parallel=True, error_model="numpy", cache=True)

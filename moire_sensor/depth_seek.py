@@ -29,7 +29,7 @@ from moire_sensor.depth_seek_row import fill_claims, fill_left_over, fill_mean, 
 from moire_sensor.depth_seek_spread import MEAN_PX, ROWS_PX, close_holes, reach_out, write
 from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Float32
-from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_image import Light
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
@@ -40,7 +40,7 @@ KEPT, LEAST_SIZE = 4, 3
 def seek(
     match: Match,
     greys: tuple[Float32, Float32],
-    phase: PhaseImage,
+    light: Light,
     projector: ProjectorMap,
     orders: OrderRange,
     half_width_px: int,
@@ -52,12 +52,12 @@ def seek(
     ----------
     match : disparities, NaN where unknown.
     greys : left, and right with the grey levels of the left, (H, W) float32.
-    phase : the left phase, whose amplitude and background tell what lit surfaces look like.
+    light : of the left camera, whose amplitude and background tell what lit surfaces look like.
     half_width_px : half of a fringe. Of fringes wider than about two pieces a piece says too little, and nothing is
         sought; nor where what is known does not show the fringes that were projected.
     """
     height, width = match.disparity_px.shape
-    limits = limits_of(phase, orders, settings)
+    limits = limits_of(light, orders, settings)
     if height < MEAN_PX + ROWS_PX or half_width_px > PIECE_PX + 1 or limits is None:
         return
     if not are_cosines(match.disparity_px, greys, projector, limits):

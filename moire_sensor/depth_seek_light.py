@@ -11,7 +11,7 @@ from moire_sensor.depth_seek_fit import NO_FIT, PIECE_PX, fit_both
 from moire_sensor.depth_seek_spread import MEAN_PX
 from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Float32
-from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_image import Light
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 from moire_sensor.shot import Status
@@ -26,13 +26,13 @@ SAMPLE_PX, LEAST_SAMPLES = 7, 50
 EVERY_PX, MOST_MISFIT = 11, 0.1
 
 
-def limits_of(phase: PhaseImage, orders: OrderRange, settings: Settings) -> Float32 | None:
+def limits_of(seen: Light, orders: OrderRange, settings: Settings) -> Float32 | None:
     """Limits as in :mod:`depth_seek_chain`, None in an image without light."""
     every = np.s_[::SAMPLE_PX, ::SAMPLE_PX]
-    lit = phase.status[every] == Status.OK
+    lit = seen.status[every] == Status.OK
     if np.count_nonzero(lit) < LEAST_SAMPLES:
         return None
-    amplitude, background = phase.amplitude[every][lit], phase.background[every][lit]
+    amplitude, background = seen.amplitude[every][lit], seen.background[every][lit]
     share, light = float(np.median(amplitude / background)), float(np.median(amplitude + background))
     noise = NOISE_SIGMAS * np.sqrt(2.0 / MEAN_PX) * settings.image_noise
     apart = PIECE_PX * (noise + VIEWS_SHARE * share * BRIGHTEST) ** 2

@@ -86,10 +86,11 @@ def orders_fail(
     if kept.size < MIN_SAMPLES or np.median(kept) < DOUBTFUL_RAD:
         return False
     left_rad, right_rad = phases[0].offset_rad, phases[1].offset_rad
-    apart_rad = wrapped(carriers[1].phase_rad - carriers[0].phase_rad)
+    rows = phases[0].rows
+    apart_rad = wrapped(carriers[1].phase_rad[rows] - carriers[0].phase_rad[rows])
     swapped = (wrapped(right_rad + apart_rad), wrapped(left_rad - apart_rad))
-    given = median_or_nan(closest_mismatch_rad(left_rad, right_rad, carriers, projector, orders))
-    exchanged = median_or_nan(closest_mismatch_rad(*swapped, carriers, projector, orders))
+    given = median_or_nan(closest_mismatch_rad(left_rad, right_rad, rows, carriers, projector, orders))
+    exchanged = median_or_nan(closest_mismatch_rad(*swapped, rows, carriers, projector, orders))
     return given > MAX_CLOSEST_RAD or exchanged < SWAPPED_SHARE * given
 
 
@@ -101,28 +102,31 @@ def median_or_nan(values: npt.NDArray[np.float64]) -> float:
 def closest_mismatch_rad(
     left_rad: Float32,
     right_rad: Float32,
+    image_rows: npt.NDArray[np.int64],
     carriers: tuple[Carrier, Carrier],
     projector: ProjectorMap,
     orders: OrderRange,
 ) -> npt.NDArray[np.float64]:
     """Mismatch (n,) of the order that meets the right phase best, at left pixels on a coarse grid.
 
-    ``left_rad``, ``right_rad`` are offsets from the carriers, (H, W). Pixels where no order meets a phase are left out.
+    ``left_rad``, ``right_rad`` are offsets from the carriers, (n, W), of the ``image_rows`` (n,). Pixels where no order
+    meets a phase are left out.
     """
-    height, width = left_rad.shape
-    rows, columns = (grid.ravel() for grid in np.mgrid[0:height:SAMPLE_PX, 0:width:SAMPLE_PX])
-    known = np.isfinite(left_rad[rows, columns])
-    rows, columns = rows[known], columns[known]
+    width = left_rad.shape[1]
+    indices, columns = (grid.ravel() for grid in np.mgrid[0 : image_rows.size : SAMPLE_PX // 2, 0:width:SAMPLE_PX])
+    known = np.isfinite(left_rad[indices, columns])
+    indices, columns = indices[known], columns[known]
+    rows = image_rows[indices]
     turns = 2.0 * np.pi * np.arange(orders.first, orders.first + orders.count)[:, None]
-    phase_rad = carriers[0].phase_rad[rows, columns] + left_rad[rows, columns] + turns
+    phase_rad = carriers[0].phase_rad[rows, columns] + left_rad[indices, columns] + turns
     disparity_px = projector.disparity_px_at(columns, rows, phase_rad)
     low, high = orders.min_disparity_px - RANGE_MARGIN_PX, orders.max_disparity_px + RANGE_MARGIN_PX
     seen = np.rint(columns - disparity_px)
     inside = (disparity_px >= low) & (disparity_px <= high) & (seen >= 0) & (seen < width)
     nearest = np.where(inside, seen, 0.0).astype(np.int64)
     part_px = columns - disparity_px - nearest
-    carrier = carriers[1]
-    seen_rad = carrier.phase_rad[rows, nearest] + right_rad[rows, nearest] + part_px * carrier.rad_per_px[rows, nearest]
+    seen_rad = carriers[1].phase_rad[rows, nearest] + right_rad[indices, nearest]
+    seen_rad += part_px * carriers[1].rad_per_px[rows, nearest]
     mismatch = np.abs(wrapped((phase_rad - seen_rad).astype(np.float32))).astype(np.float64)
     mismatch[~(inside & np.isfinite(mismatch))] = np.inf
     closest = np.asarray(mismatch.min(axis=0))

@@ -60,7 +60,6 @@ class OrderCosts:
         greys: tuple[Float32, Float32],
         shading_rad: float,
         cost: UInt8,
-        rows: npt.NDArray[np.int64],
     ) -> None:
         """Fill ``cost`` (strips, >= n lines, labels, LANES), see :mod:`moire_sensor.order_tiles`, in units of 1/85.
 
@@ -69,13 +68,12 @@ class OrderCosts:
 
         Parameters
         ----------
-        phases, greys : of the left and right camera, (H, W).
+        phases, greys : of the left and right camera, (n, W), whose costs are wanted, and (H, W).
         shading_rad : mismatch up to which the cost hardly rises.
-        rows : (n,) rows of the image whose costs are wanted.
         """
         fill_costs(
             phases[0].offset_rad, phases[1].offset_rad, phases[0].amplitude, greys[0], greys[1], self._left_rad,
-            self._right_rad, self._px_per_part, self._map, self._first, rows, self._limits_px,
+            self._right_rad, self._px_per_part, self._map, self._first, phases[0].rows, self._limits_px,
             Slopes.of(shading_rad), self._floats, self._parts, self._found, self._found.view(np.uint64), self._nearest,
             self._pairs, self._chunks, self._columns, self._mismatches, self._rivals, self._rivals.view(np.uint64),
             self._costs, cost,
@@ -98,7 +96,7 @@ def fill_costs(  # type: ignore[no-untyped-def]
     left, right, amplitude, left_i, right_i, left_rad, right_rad, px_per_part, map_, first, rows, limits, slopes,
     floats, parts, found, found_words, nearest, pairs, chunks, columns, mismatches, rivals, rival_words, costs, cost,
 ):  # fmt: skip
-    """Fill ``cost`` of the rows, each worker some that follow each other, with memory of its own."""
+    """Fill ``cost`` of the phases' rows, each worker some that follow each other, with memory of its own."""
     width, workers, labels = left.shape[1], floats.shape[0], columns.shape[1]
     strips = cost.shape[0]
     for number in prange(workers):
@@ -107,8 +105,8 @@ def fill_costs(  # type: ignore[no-untyped-def]
         part = parts[worker, 1, :width]
         for index in range(worker * rows.size // workers, (worker + 1) * rows.size // workers):
             y = rows[index]
-            add_offset(left_rad[min(y, left_rad.shape[0] - 1)], left[y], line[0])
-            copy_seen(right[y], seen)
+            add_offset(left_rad[min(y, left_rad.shape[0] - 1)], left[index], line[0])
+            copy_seen(right[index], seen)
             for label in range(labels):
                 column, mismatch = columns[worker, label, :width], mismatches[worker, label, :width]
                 place(
@@ -120,7 +118,7 @@ def fill_costs(  # type: ignore[no-untyped-def]
                 mismatches[worker], parts[worker, 2, : LANES * strips], parts[worker, 3, : LANES * strips],
                 rivals[worker],
             )  # fmt: skip
-            prepare(left_i[y], right_i[y], amplitude[y], line[2], line[3], pairs[worker, 0])
+            prepare(left_i[y], right_i[y], amplitude[index], line[2], line[3], pairs[worker, 0])
             join(pairs[worker, 0], pairs[worker, 0, 1:], pairs[worker, 1, :width])
             among_rivals(
                 columns[worker], mismatches[worker], px_per_part[min(y, px_per_part.shape[0] - 1)], rivals[worker],

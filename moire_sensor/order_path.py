@@ -32,25 +32,21 @@ class OrderPaths:
 
     Parameters
     ----------
-    rows, width : (n,) the rows of the image that the programmes see, and its width, pixels.
+    rows, width : the number of rows that the programmes see, and their width, pixels.
     labels : number of candidate orders, at most 127.
     jump_cost : cost of leaving the surface, in units of a full mismatch. No programme speaks more than one full
         mismatch against an order; a jump beyond that only binds each programme by itself.
 
     Attributes
     ----------
-    rows : as given.
     cost : (strips, lines, labels, LANES) uint8 as :mod:`moire_sensor.order_tiles` lays them out, in 1/85, to be filled
         before :meth:`solve`.
     """
 
-    def __init__(self, rows: npt.NDArray[np.int64], width: int, labels: int, jump_cost: float) -> None:
-        height, strips, workers = rows.size, strips_of(width), get_num_threads()
+    def __init__(self, rows: int, width: int, labels: int, jump_cost: float) -> None:
+        height, strips, workers = rows, strips_of(width), get_num_threads()
         columns = LANES * strips
-        self.rows = rows
         self._jump = np.int16(round(float(UNITS) * jump_cost))
-        # Between rows that each speak for several a jump weighs less against what they cost, as between rows of each.
-        self._jump_down = np.int16(round(float(UNITS) * jump_cost / float(np.diff(rows).max(initial=1))))
         self.cost, self._rises = tiles_for(height, width, labels), tiles_for(height, width, labels)
         self._down, self._across = (np.full_like(tiles_for(height, width, 1), ANEW).view(np.int8) for _ in range(2))
         self._steps = np.full((workers, 1, strips, LANES), ANEW, dtype=np.int8)
@@ -70,7 +66,7 @@ class OrderPaths:
 
         Parameters
         ----------
-        offset_rad : (H, W) float32 wrapped phase offset, NaN where unknown; tells which labels of neighbours continue
+        offset_rad : (n, W) float32 wrapped phase offset, NaN where unknown; tells which labels of neighbours continue
             one surface.
 
         Returns
@@ -79,34 +75,34 @@ class OrderPaths:
         (n, W) float32, 0 where the phase is unknown. The next call overwrites them.
         """
         words = np.uint64
-        fill_steps(offset_rad, self.rows, self._steps, self._across, self._down)
+        fill_steps(offset_rad, self._steps, self._across, self._down)
         say_along_rows(
             self.cost.view(words), self._across.view(words), self._label.shape[1], self._block_cost,
             self._block_cost.view(words), self._block_across, self._block_across.view(words), self._block_rises,
             self._block_rises.view(words), self._room, self._states, self._lowest, self._jump, self._rises.view(words),
         )  # fmt: skip
         choose_by_columns(
-            self.cost, self._rises, self._down, offset_rad, self.rows, self._states, self._lowest, self._last,
-            self._totals, self._ranked, self._jump_down, self._label, self._runner_up, self._margin,
+            self.cost, self._rises, self._down, offset_rad, self._states, self._lowest, self._last,
+            self._totals, self._ranked, self._jump, self._label, self._runner_up, self._margin,
         )  # fmt: skip
         return self._label, self._runner_up, self._margin
 
 
 @njit(parallel=True, cache=True)
-def fill_steps(offset, rows, lines, across, down):  # type: ignore[no-untyped-def]
+def fill_steps(offset, lines, across, down):  # type: ignore[no-untyped-def]
     """Fill the label steps from every pixel to its left and to its upper neighbour; the image's borders stay ANEW."""
-    workers, width = lines.shape[0], offset.shape[1]
+    workers, rows, width = lines.shape[0], offset.shape[0], offset.shape[1]
     for number in prange(workers):
         worker = np.int64(number)
         line = lines[worker]
         steps = line.reshape(line.size)
-        for index in range(worker * rows.size // workers, (worker + 1) * rows.size // workers):
-            here = offset[rows[index]]
+        for index in range(worker * rows // workers, (worker + 1) * rows // workers):
+            here = offset[index]
             steps[0] = ANEW
             steps_between(here[1:], here[:-1], steps[1:width])
             put_line(line, across[:, index])
             if index > 0:
-                steps_between(here, offset[rows[index - 1]], steps[:width])
+                steps_between(here, offset[index - 1], steps[:width])
                 put_line(line, down[:, index])
 
 
@@ -159,14 +155,14 @@ def along_rows(cost, across, width, states, lowest, jump, rises):  # type: ignor
 
 @njit(parallel=True, cache=True)
 def choose_by_columns(  # type: ignore[no-untyped-def]
-    cost, rises, down, offset, rows, states, lowest, last, totals, ranked, jump, label, runner_up, margin
+    cost, rises, down, offset, states, lowest, last, totals, ranked, jump, label, runner_up, margin
 ):
     """Fill the results, a strip of columns at a time: the programmes downwards and upwards, added to ``rises``."""
     for number in prange(cost.shape[0]):
         strip = np.int64(number)
-        say_downwards(cost[strip], down[strip, :, 0], states[strip], lowest[strip], jump, rises[strip], rows.size)
+        say_downwards(cost[strip], down[strip, :, 0], states[strip], lowest[strip], jump, rises[strip], offset.shape[0])
         choose_upwards(
-            cost[strip], rises[strip], down[strip, :, 0], offset, rows, states[strip], lowest[strip], last[strip],
+            cost[strip], rises[strip], down[strip, :, 0], offset, states[strip], lowest[strip], last[strip],
             totals[strip], ranked[strip], jump, strip * LANES, label, runner_up, margin,
         )  # fmt: skip
 
@@ -183,7 +179,7 @@ def say_downwards(cost, down, states, lowest, jump, rises, count):  # type: igno
 
 @njit(**UNCOUNTED)
 def choose_upwards(  # type: ignore[no-untyped-def]
-    cost, rises, down, offset, rows, states, lowest, last, totals, ranked, jump, first, label, runner_up, margin
+    cost, rises, down, offset, states, lowest, last, totals, ranked, jump, first, label, runner_up, margin
 ):
     """Finish with the programme upwards, line by line, and choose; columns from ``first`` on."""
     states[:] = NEVER
@@ -197,6 +193,6 @@ def choose_upwards(  # type: ignore[no-untyped-def]
         )  # fmt: skip
         rank(cost[y], rises[y], last, totals[0], totals[1], ranked[0], ranked[1])
         take(
-            totals[0], totals[1], ranked[0], ranked[1], offset[rows[y], first:end], label[y, first:end],
+            totals[0], totals[1], ranked[0], ranked[1], offset[y, first:end], label[y, first:end],
             runner_up[y, first:end], margin[y, first:end],
         )  # fmt: skip

@@ -1,7 +1,4 @@
 """The fringe order of every pixel: what each candidate costs, and which ones neighbours agree on.
-
-Both may be asked for some rows only; those between continue the surfaces above and below (the paper's own way to be
-faster, its conclusion).
 """
 
 from __future__ import annotations
@@ -14,7 +11,6 @@ from moire_sensor.apart import ROW
 from moire_sensor.order_cost import OrderCosts
 from moire_sensor.order_path import OrderPaths
 from moire_sensor.order_range import OrderRange
-from moire_sensor.order_rows import fill_rows, solved_rows
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
@@ -36,49 +32,37 @@ class OrderSolver:
     def __init__(
         self, carriers: tuple[Carrier, Carrier], projector: ProjectorMap, orders: OrderRange, jump_cost: float
     ) -> None:
-        self._shape = carriers[0].phase_rad.shape
         self._costs = OrderCosts(carriers, projector, orders)
         self._labels, self._jump_cost = orders.count, jump_cost
         self._runner_up: Int8 = np.full((1, 1), -1, dtype=np.int8)
 
-    def _paths(self, row_step: int) -> OrderPaths:
+    def _paths(self, shape: tuple[int, int]) -> OrderPaths:
         """The programmes' memory, shared in the thread."""
-        height, width = self._shape
-        key = ("paths", self._shape, self._labels, self._jump_cost, row_step, get_num_threads())
-        return scratch(
-            key, lambda: OrderPaths(solved_rows(height, row_step), width, self._labels, self._jump_cost)
-        )
+        key = ("paths", shape, self._labels, self._jump_cost, get_num_threads())
+        return scratch(key, lambda: OrderPaths(*shape, self._labels, self._jump_cost))
 
     def solve(
         self,
         phases: tuple[PhaseImage, PhaseImage],
         greys: tuple[Float32, Float32],
         shading_rad: float,
-        row_step: int,
     ) -> tuple[Int8, Float32]:
-        """Return the cheapest label (H, W) int8, -1 where the phase is unknown, and by how much the next costs more.
+        """Return the cheapest label (n, W) int8, -1 where the phase is unknown, and by how much the next costs more.
 
         They last until another solver of the thread works.
 
         Parameters
         ----------
-        phases, greys : of the left and right camera, (H, W).
+        phases, greys : of the left and right camera, (n, W) and (H, W).
         shading_rad : mismatch of phases that shading explains, radians.
-        row_step : only every so manieth row is solved, those between continue it.
         """
-        paths = self._paths(row_step)
-        self._costs.fill(phases, greys, shading_rad, paths.cost, paths.rows)
+        paths = self._paths(phases[0].offset_rad.shape)
+        self._costs.fill(phases, greys, shading_rad, paths.cost)
         label, self._runner_up, margin = paths.solve(phases[0].offset_rad)
-        if row_step == 1:
-            return label, margin
-        some_rows = label, self._runner_up, margin
-        label, self._runner_up = np.empty((2, *self._shape), dtype=np.int8)
-        margin = np.empty(self._shape, dtype=np.float32)
-        fill_rows(phases[0].offset_rad, paths.rows, self._labels, *some_rows, label, self._runner_up, margin)
         return label, margin
 
     def second(self, label: Int8, disparity_px: Float32) -> Int8:
-        """Return the second cheapest label (H, W) where the first got no disparity, -1 elsewhere or without one."""
+        """Return the second cheapest label (n, W) where the first got no disparity, -1 elsewhere or without one."""
         second = np.empty_like(label)
         take_second(label.ravel(), self._runner_up.ravel(), disparity_px.ravel(), second.ravel())
         return second

@@ -93,16 +93,11 @@ def start_columns(image, carrier, y, work):  # type: ignore[no-untyped-def]
 
 
 @njit(**LEAF_FAST)
-def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
-    """Fit the windows centred on row y, the one after the last, or the one that the columns were started for."""
-    rows = planes.shape[1]
-    if y < carrier.half_height or y >= image.shape[0] - carrier.half_height:
-        planes[VARIANCE, y % rows] = UNUSABLE
-        planes[AMPLITUDE, y % rows] = ZERO
-        return
+def next_columns(image, carrier, y, work):  # type: ignore[no-untyped-def]
+    """Sums down the columns around row y, the one after the last, or the one that the columns were started for."""
     below, above = y + carrier.half_height, y - carrier.half_height - 1
-    samples = (2 * carrier.half_width + 1) * (2 * carrier.half_height + 1)
-    start = margin(carrier.half_width) + carrier.half_width
+    if y < carrier.half_height or below >= image.shape[0]:
+        return
     if above < 0:
         add_row(work.columns, image[below], cos_of(carrier, below), sin_of(carrier, below))
     else:
@@ -110,6 +105,18 @@ def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
             work.columns, image[below], cos_of(carrier, below), sin_of(carrier, below), image[above],
             cos_of(carrier, above), sin_of(carrier, above),
         )  # fmt: skip
+
+
+@njit(**LEAF_FAST)
+def fit_next(image, carrier, y, work, planes):  # type: ignore[no-untyped-def]
+    """Fit the windows centred on row y, whose columns are summed."""
+    rows = planes.shape[1]
+    if y < carrier.half_height or y >= image.shape[0] - carrier.half_height:
+        planes[VARIANCE, y % rows] = UNUSABLE
+        planes[AMPLITUDE, y % rows] = ZERO
+        return
+    samples = (2 * carrier.half_width + 1) * (2 * carrier.half_height + 1)
+    start = margin(carrier.half_width) + carrier.half_width
     sum_windows(work.columns, 2 * carrier.half_width + 1, work.room, work.sums)
     if carrier.table_rows.size > 1:
         between_rows(carrier.table_rows, carrier.table, y, work.constants)

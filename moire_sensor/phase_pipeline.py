@@ -12,11 +12,12 @@ from moire_sensor.depth_border import extend
 from moire_sensor.depth_bridge import bridge
 from moire_sensor.depth_check import drop_rivals
 from moire_sensor.depth_confidence import confidence_of
-from moire_sensor.depth_grey import check_greys, match_greys, measures_by_stereo, right_as_left
+from moire_sensor.depth_grey import approach_greys, check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_phantom import drop_phantoms
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.depth_ridge import sharpen
 from moire_sensor.depth_rim import close_rims
+from moire_sensor.depth_rows import Seen, all_rows
 from moire_sensor.depth_seek import seek
 from moire_sensor.depth_shot import drop_out_of_range, results
 from moire_sensor.depth_specks import drop_slivers, drop_specks
@@ -26,7 +27,7 @@ from moire_sensor.order_range import OrderRange
 from moire_sensor.order_solver import OrderSolver
 from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_carrier import Carrier, Float32
-from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_image import PhaseImage, solved_rows
 from moire_sensor.phase_single import phase_from_single
 from moire_sensor.phase_steps import StepFilter, phase_from_steps
 from moire_sensor.projector_map import ProjectorMap
@@ -57,7 +58,7 @@ class Way:
     shading_rad : mismatch that shading or motion can put between the two phases of one point.
     settings, max_mismatch_rad : of the least squares; the largest mismatch of a pixel that gets a disparity.
     least_run_px : shorter runs along a row are accidents.
-    row_step : the orders of one row in so many are solved, those between continue them.
+    row_step : one row in so many is solved, those between continue the surfaces above and below.
     """
 
     single: bool
@@ -122,9 +123,10 @@ class PhasePipeline:
         """Columns of a single shot's window, a fringe period."""
         return 2 * self._carriers[0].half_width_px + 1
 
-    def _buffers(self, *planes: int, name: str = "phases") -> Float32:
-        """Memory for images, (*planes, H, W)."""
-        shape = (*planes, *self._carriers[0].cos.shape)
+    def _buffers(self, *planes: int, name: str = "phases", row_step: int = 1) -> Float32:
+        """Memory for images of one row in so many, (*planes, n, W)."""
+        height, width = self._carriers[0].cos.shape
+        shape = (*planes, solved_rows(height, row_step)[1], width)
         return scratch((name, shape), lambda: np.empty(shape, dtype=np.float32))
 
     def example(self, frame_count: int) -> npt.NDArray[np.uint8]:
@@ -135,10 +137,11 @@ class PhasePipeline:
     def from_single(self, left: Float32, right: Float32, first_step: int) -> Shot:
         """Depth of one exposure: images (H, W) float32, grey levels of 255."""
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]
-        buffers = self._buffers(2, 3)
+        row_step = self._single.row_step
+        buffers = self._buffers(2, 3, row_step=row_step)
         phases = (
-            phase_from_single(left, self._carriers[0], step_rad, self.settings, buffers[0]),
-            phase_from_single(right, self._carriers[1], step_rad, self.settings, buffers[1]),
+            phase_from_single(left, self._carriers[0], step_rad, self.settings, buffers[0], row_step),
+            phase_from_single(right, self._carriers[1], step_rad, self.settings, buffers[1], row_step),
         )
         return self._depth(phases, (left, right), self._single)
 
@@ -155,28 +158,31 @@ class PhasePipeline:
 
     def _depth(self, phases: tuple[PhaseImage, PhaseImage], greys: tuple[Float32, Float32], way: Way) -> Shot:
         """Choose the orders, let those that are refused give way to the next best, measure, and mend the borders."""
-        label, margin = self._solver.solve(phases, greys, way.shading_rad, way.row_step)
+        label, margin = self._solver.solve(phases, greys, way.shading_rad)
         match = self._refine(label, phases, way)
         greys = (greys[0], right_as_left(greys[1], match.disparity_px, phases))
-        drop_rivals(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
+        drop_rivals(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys, phases[0].rows)
         match = self._refine(self._solver.second(label, match.disparity_px), phases, way, match)
-        match = self._by_greys(match, phases[0], greys, way.single)
-        drop_rivals(match.disparity_px, match.mismatch_rad, phases[0].amplitude, greys)
+        if way.single and self._by_stereo:
+            match = approach_greys(match, greys, phases[0], self._carriers[0].half_width_px, self.settings)
+        match, margin, seen = all_rows(match, margin, phases[0], self._buffers(6, name="all rows"))
+        match = self._by_greys(match, seen, greys, way.single)
+        drop_rivals(match.disparity_px, match.mismatch_rad, seen.amplitude, greys, np.arange(len(seen.amplitude)))
         if self._by_stereo:
             drop_slivers(match.disparity_px, way.least_run_px)
         drop_specks(match.disparity_px, self.settings.min_segment_px)
         if self._by_stereo:
-            drop_phantoms(match, greys, phases[0].amplitude, self._projector, self.settings)
+            drop_phantoms(match, greys, seen.amplitude, self._projector, self.settings)
             if way.single:
                 half_width = self._carriers[0].half_width_px
-                seek(match, greys, phases[0], self._projector, self._orders, half_width, self.settings)
-            extend(match, greys, phases[0], self._projector, self._rad_per_px, self.settings)
-            sharpen(match, greys, phases[0].amplitude)
-            bridge(match, greys, phases[0].amplitude, self._rad_per_px, self.settings)
-            close_rims(match, greys[0], phases[0], self._projector, self.settings)
+                seek(match, greys, seen, self._projector, self._orders, half_width, self.settings)
+            extend(match, greys, seen, self._projector, self._rad_per_px, self.settings)
+            sharpen(match, greys, seen.amplitude)
+            bridge(match, greys, seen.amplitude, self._rad_per_px, self.settings)
+            close_rims(match, greys[0], seen, self._projector, self.settings)
             if way.single:
                 drop_slivers(match.disparity_px, SLIVER_PX)
-        return self._shot(phases, match, margin)
+        return self._shot(phases, seen, match, margin)
 
     def _refine(
         self,
@@ -188,10 +194,10 @@ class PhasePipeline:
         """Disparities of the chosen orders from the phases of all views, NaN where the phases disagree."""
         return refine(
             label, phases, self._carriers, self._projector, self._orders, way.settings, way.max_mismatch_rad, match,
-            self._buffers(4, name="match"),
+            self._buffers(4, name="match", row_step=phases[0].row_step),
         )  # fmt: skip
 
-    def _by_greys(self, match: Match, phase: PhaseImage, greys: tuple[Float32, Float32], single: bool) -> Match:
+    def _by_greys(self, match: Match, seen: Seen, greys: tuple[Float32, Float32], single: bool) -> Match:
         """Disparities of a single shot measured, those of phase steps checked, by the grey levels of both views.
 
         Where the projector measures, the views of the pair are too alike in place to tell anything new.
@@ -200,11 +206,11 @@ class PhasePipeline:
             return match
         if single:
             half_width = self._carriers[0].half_width_px
-            return match_greys(match, greys, phase.amplitude, half_width, self.settings)
-        check_greys(match, greys, phase.amplitude, self.settings)
+            return match_greys(match, greys, seen.amplitude, half_width, self.settings)
+        check_greys(match, greys, seen.amplitude, self.settings)
         return averaged(match, self.settings.half_mean_steps_px)
 
-    def _shot(self, phases: tuple[PhaseImage, PhaseImage], match: Match, margin: Float32) -> Shot:
+    def _shot(self, phases: tuple[PhaseImage, PhaseImage], seen: Seen, match: Match, margin: Float32) -> Shot:
         """The result: depth where there is a disparity in the range and the views agree."""
         drop_out_of_range(match.disparity_px, self.rig, self.depth_range_m)
         typical_rad, worst_rad = patch_mismatch_rad(match.signed_mismatch_rad, match.disparity_px)
@@ -220,7 +226,7 @@ class PhasePipeline:
             confidence[np.isnan(believed.disparity_px)] = NOT_BELIEVED
         depth, sigma, disparity, status = results(
             (match.disparity_px, match.sigma_px, confidence),
-            phases[0].status,
+            seen.status,
             self.rig,
             self.settings.min_confidence,
             Status.OCCLUDED if views_fit else Status.AMBIGUOUS,
@@ -232,7 +238,7 @@ class PhasePipeline:
             fringe_order=fringe_orders(disparity, self._projector),
             confidence=confidence,
             status=status,
-            background=phases[0].background,
+            background=seen.background,
             typical_mismatch_rad=typical_rad,
         )
 

@@ -8,8 +8,9 @@ from collections.abc import Callable, Hashable
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-# Phases, programmes and matches of one image size, of single shots and of phase steps, its grey levels and borders.
-KEPT = 8
+# Phases, programmes and matches of one image size, of single shots (some rows, then all) and of phase steps, its grey
+# levels and borders.
+KEPT = 12
 
 
 class Pools(threading.local):

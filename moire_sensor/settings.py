@@ -37,7 +37,7 @@ class Settings:
     min_amplitude: float = setting(6.0, 0.5, 127.0, "smallest fringe amplitude of a lit pixel, grey levels of 255")
     min_amplitude_to_noise: float = setting(1.5, 0.0, 100.0, "smallest ratio of fringe amplitude to fit residual")
     half_height_px: int = setting(2, 0, 10, "rows above and below that a single-shot window takes in, pixels")  # type: ignore[assignment]
-    row_step: int = setting(1, 1, 10, "solve one row in so many of a single shot; narrow things may be lost")  # type: ignore[assignment]
+    row_step: int = setting(2, 1, 10, "solve one row in so many of a single shot; low things may be lost")  # type: ignore[assignment]
     jump_cost: float = setting(0.8, 0.0, 10.0, "cost of a depth jump between neighbours, in units of a full mismatch")
     common_error_rad: float = setting(0.03, 0.0, 1.0, "phase error common to both cameras (gamma, motion), radians")
     alignment_px: float = setting(

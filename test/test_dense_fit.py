@@ -10,7 +10,7 @@ from dense_rigs import SMALL, Array, Float32, outside_rig, small_carriers, small
 
 from moire_sensor.paper_rig import paper_pattern
 from moire_sensor.phase_carrier import Carrier
-from moire_sensor.phase_fit import empty_planes, fit_next, fit_work, start_columns
+from moire_sensor.phase_fit import empty_planes, fit_next, fit_work, next_columns, start_columns
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.phase_planes import (
     ALONG,
@@ -49,7 +49,7 @@ def carrier_of(rows: int = 2) -> Carrier:
 def fringes(carrier: Carrier, detuning: float = 0.0, noise: float = 2.0, seed: int = 0) -> Float32:
     """Fringes finer than the carrier by a share, on a background that slopes."""
     rng = np.random.default_rng(seed)
-    y, x = np.mgrid[0 : SMALL[1], 0 : SMALL[0]]
+    y, x = np.indices(carrier.phase_rad.shape)
     phase = carrier.phase_rad.astype(np.float64) + 0.7 + detuning * carrier.rad_per_px * (x - 48.0) + 0.01 * y
     image = 110.0 + 0.2 * x + 60.0 * np.cos(phase) + rng.normal(0.0, noise, x.shape)
     return image.astype(np.float32)
@@ -73,6 +73,7 @@ class Planes:
         work, height = fit_work(self.rows), image.shape[0]
         start_columns(image, self.rows, self.carrier.half_height_px, work)
         for y in range(height):
+            next_columns(image, self.rows, y, work)
             fit_next(image, self.rows, y, work, self.values)
         for y in range(height):
             slope_down(self.values, y, self.step)
@@ -184,6 +185,20 @@ def test_bands_are_the_whole_image(rows: int) -> None:
         apart = np.abs(getattr(banded, name) - getattr(whole, name))
         assert np.mean(apart > 1e-3 * np.nanmedian(np.abs(getattr(whole, name)))) < 2e-3
     assert np.mean(banded.status != whole.status) < 1e-3
+
+
+@pytest.mark.parametrize(("half_height", "step"), [(2, 2), (2, 3), (1, 2), (4, 6), (0, 2)])
+def test_some_rows_are_those_of_the_whole_image(half_height: int, step: int) -> None:
+    size = (96, 2 * BAND_ROWS + 11)
+    carrier = Carrier.left(small_map(small_rig()), size, 90.0, half_height)
+    image = fringes(carrier, 0.04, seed=2)
+    image[70:90, 30:50] = 128.0
+    some = phase_from_single(image, carrier, 0.3, Settings(), row_step=step)
+    whole = phase_from_single(image, carrier, 0.3, Settings())
+    assert some.rows[0] == (size[1] - 1) % step // 2
+    assert len(some.rows) == len(some.offset_rad)
+    for name in ("offset_rad", "amplitude", "background", "sigma_rad", "status"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[some.rows])
 
 
 def test_buffer_is_used_again() -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from dense_rigs import Float32, capture, dense_shot, sensor
 
@@ -26,10 +28,13 @@ def random_match(seed: int, shape: tuple[int, int] = (24, 80)) -> Match:
     return Match(disparity.astype(np.float32), sigma.astype(np.float32), signed, np.abs(signed))
 
 
-def slow_badness(match: Match, amplitude: Float32, left: Float32, right: Float32, y: int, x: int) -> float:
-    height, width = left.shape
+def slow_badness(
+    match: Match, amplitude: Float32, left: Float32, right: Float32, place: tuple[int, int], x: int
+) -> float:
+    """Of a pixel of the match's row ``place[0]``, the images' row ``place[1]``."""
+    (y, image_y), (height, width) = place, left.shape
     column = float(np.float32(x) - match.disparity_px[y, x])
-    rows = [row for row in (y - 1, y, y + 1) if 0 <= row < height]
+    rows = [row for row in (image_y - 1, image_y, image_y + 1) if 0 <= row < height]
     grey = []
     for row in rows:
         shifts = [s for s in range(-REACH_PX, REACH_PX + 1, 2)
@@ -40,11 +45,14 @@ def slow_badness(match: Match, amplitude: Float32, left: Float32, right: Float32
     return float(np.mean(grey) / max(amplitude[y, x], 1.0) + MISMATCH_WEIGHT * match.mismatch_rad[y, x])
 
 
-def test_unique_pixels_equal_the_slow_loop() -> None:
+@pytest.mark.parametrize("rows_of", [np.arange, lambda count: 1 + 2 * np.arange(count)])
+def test_unique_pixels_equal_the_slow_loop(rows_of: Callable[[int], npt.NDArray[np.int64]]) -> None:
     match = random_match(1)
     rng = np.random.default_rng(2)
     shape = match.disparity_px.shape
-    left, right, amplitude = (rng.uniform(20, 200, shape).astype(np.float32) for _ in range(3))
+    rows = rows_of(shape[0])
+    left, right = (rng.uniform(20, 200, (rows[-1] + 1, shape[1])).astype(np.float32) for _ in range(2))
+    amplitude = rng.uniform(20, 200, shape).astype(np.float32)
     expected = np.zeros(shape, dtype=bool)
     for y in range(shape[0]):
         claims: dict[int, list[int]] = {}
@@ -56,12 +64,12 @@ def test_unique_pixels_equal_the_slow_loop() -> None:
             best = pixels[0]
             for x in pixels[1:]:
                 other_surface = abs(match.disparity_px[y, best] - match.disparity_px[y, x]) > 1.0
-                badness = [slow_badness(match, amplitude, left, right, y, at) for at in (x, best)]
+                badness = [slow_badness(match, amplitude, left, right, (y, rows[y]), at) for at in (x, best)]
                 best = x if other_surface and badness[0] < badness[1] else best
             for x in pixels:
                 expected[y, x] = abs(match.disparity_px[y, best] - match.disparity_px[y, x]) <= 1.0
     found = match.disparity_px.copy()
-    drop_rivals(found, match.mismatch_rad, amplitude, (left, right))
+    drop_rivals(found, match.mismatch_rad, amplitude, (left, right), rows)
     np.testing.assert_array_equal(found, np.where(expected, match.disparity_px, np.nan))
     assert 0.1 < expected.mean() < 0.9
 

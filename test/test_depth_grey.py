@@ -9,6 +9,7 @@ import pytest
 from dense_rigs import Array, Float32, outside_rig
 
 from moire_sensor.depth_grey import (
+    approach_greys,
     check_greys,
     compare,
     least_difference,
@@ -18,6 +19,7 @@ from moire_sensor.depth_grey import (
 )
 from moire_sensor.depth_measure import BAND_ROWS, FOREIGN_SHARE, LARGEST_STEP_PX, ROUNDS_SIGMA, fill_sigma, measure
 from moire_sensor.depth_refine import Match
+from moire_sensor.depth_rows import all_rows
 from moire_sensor.paper_rig import PERIOD_PX, paper_pattern, paper_rig
 from moire_sensor.phase_carrier import Carrier
 from moire_sensor.phase_image import PhaseImage
@@ -108,7 +110,7 @@ def test_a_round_moves_disparities_as_the_slow_loop() -> None:
     left, right, disparity, amplitude = random_views(3, shape)
     apart, power, found = np.full((3, *shape), np.nan, dtype=np.float32)
     far = measure(
-        left, right, disparity, amplitude, columns, half_height, np.float32(NOISE), enough, apart, power, found
+        left, right, disparity, amplitude, 0, 1, columns, half_height, np.float32(NOISE), enough, apart, power, found
     )
     products = slow_compare(left, right, disparity, amplitude)
     powers, mets = (window_sums(part, columns, 2 * half_height + 1) for part in products[:2])
@@ -121,6 +123,16 @@ def test_a_round_moves_disparities_as_the_slow_loop() -> None:
     assert far == pytest.approx(np.count_nonzero((np.abs(step) > 0.2) & np.isfinite(disparity)), abs=5)
     assert 0.2 < np.mean(powers > enough) < 0.9
     assert (np.abs(step) == LARGEST_STEP_PX).any()
+
+
+def test_a_round_of_some_rows_is_that_of_their_images() -> None:
+    left, right, disparity, amplitude = random_views(4, (31, 40))
+    some = [np.ascontiguousarray(image[1::3]) for image in (left, right, disparity, amplitude)]
+    results = [np.full((3, *some[0].shape), np.nan, dtype=np.float32) for _ in range(2)]
+    settings = 7, 2, np.float32(NOISE), np.float32(3e3)
+    measure(left, right, *some[2:], 1, 3, *settings, *results[0])
+    measure(*some, 0, 1, *settings, *results[1])
+    np.testing.assert_array_equal(*results)
 
 
 def sigma_of(apart: Float32, power: Float32) -> Float32:
@@ -174,7 +186,13 @@ def start(disparity: Array | float) -> Match:
 
 
 def settled(views: tuple[Float32, Float32], amplitude: float, first: Array | float) -> Match:
-    return match_greys(start(first), views, np.full((240, 320), amplitude, dtype=np.float32), HALF_WIDTH, Settings())
+    """Measured as the pipeline does it: every second row first."""
+    match, flat = start(first), np.full((120, 320), amplitude, dtype=np.float32)
+    some = Match(*(np.ascontiguousarray(image[::2]) for image in match.images()))
+    phase = PhaseImage(flat, flat, flat, flat, np.zeros(flat.shape, dtype=np.uint8), 0, 2)
+    some = approach_greys(some, views, phase, HALF_WIDTH, Settings())
+    match, _, seen = all_rows(some, flat, phase, np.empty((6, 240, 320), dtype=np.float32))
+    return match_greys(match, views, seen.amplitude, HALF_WIDTH, Settings())
 
 
 def floor_px(amplitude: float, rows: int = 15) -> float:

@@ -115,7 +115,7 @@ def test_order_costs_equal_the_slow_loop(name: str) -> None:
     # Grey levels near each other, so that they often decide without reaching their limit.
     pair = rng.uniform(90, 130, SMALL[::-1]).astype(np.float32), rng.uniform(90, 130, SMALL[::-1]).astype(np.float32)
     tiles = tiles_for(SMALL[1], SMALL[0], orders.count)
-    OrderCosts(carriers, projector, orders).fill(phases, pair, 0.6, tiles, np.arange(SMALL[1]))
+    OrderCosts(carriers, projector, orders).fill(phases, pair, 0.6, tiles)
     cost = as_rows(tiles, SMALL[1], SMALL[0])
     slow = slow_costs(phases, pair, carriers, projector, orders, 0.6)
     unknown = np.isnan(offsets[0])

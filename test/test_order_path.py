@@ -48,7 +48,7 @@ def random_costs(seed: int, height: int, width: int, labels: int) -> tuple[UInt8
 
 def paths(cost: UInt8, jump: float = JUMP) -> OrderPaths:
     height, labels, width = cost.shape
-    solver = OrderPaths(np.arange(height), width, labels, jump)
+    solver = OrderPaths(height, width, labels, jump)
     put(cost, solver)
     return solver
 

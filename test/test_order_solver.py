@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
 import pytest
-from dense_rigs import SMALL, capture, small_carriers, small_map, small_rig
+from dense_rigs import capture
 
 from moire_sensor.order_range import OrderRange
-from moire_sensor.order_solver import Int8, OrderSolver
+from moire_sensor.order_solver import OrderSolver
 from moire_sensor.paper_rig import paper_pattern, paper_rig
 from moire_sensor.phase_carrier import Carrier, Float32
-from moire_sensor.phase_image import PhaseImage
+from moire_sensor.phase_image import PhaseImage, solved_rows
 from moire_sensor.projector_map import ProjectorMap
 
 RANGE_PX = 58.7, 235.0
@@ -46,6 +45,14 @@ def plane_phases(depth_m: float) -> tuple[PhaseImage, PhaseImage]:
     return offset(left, carriers[0]), offset(right, carriers[1])
 
 
+def some_rows(phase: PhaseImage, step: int) -> PhaseImage:
+    """One row in so many."""
+    first, _ = solved_rows(phase.offset_rad.shape[0], step)
+    images = (phase.offset_rad, phase.amplitude, phase.background, phase.sigma_rad)
+    some = (np.ascontiguousarray(image[first::step]) for image in images)
+    return PhaseImage(*some, phase.status[first::step], first, step)
+
+
 def true_labels(phases: tuple[PhaseImage, PhaseImage], depth_m: float) -> Float32:
     projector, carriers, orders = parts()
     x, y = np.meshgrid(np.arange(640.0), np.arange(480.0))
@@ -61,38 +68,20 @@ def test_planes_get_their_orders_and_refused_ones_another(row_step: int) -> None
     solver = OrderSolver(carriers, projector, orders, 0.8)
     for depth_m, name in ((0.6, "plane_600"), (1.5, "plane_1500"), (1.0, "plane_1000"), (0.6, "plane_600")):
         seen = capture(name)
-        phases = plane_phases(depth_m)
+        whole = plane_phases(depth_m)
+        phases = some_rows(whole[0], row_step), some_rows(whole[1], row_step)
+        rows = phases[0].rows
         greys = seen.left.astype(np.float32), seen.right.astype(np.float32)
-        label, margin = solver.solve(phases, greys, 0.6, row_step)
+        label, margin = solver.solve(phases, greys, 0.6)
         known = np.isfinite(phases[0].offset_rad)
         assert (label[~known] == -1).all()
-        covisible = known & seen.covisible
+        covisible = known & seen.covisible[rows]
         # A phase on the border between two turns has a label on either side.
         aside = covisible & (np.abs(phases[0].offset_rad) < np.pi - 1e-3)
-        np.testing.assert_array_equal(label[aside], true_labels(phases, depth_m)[aside])
+        np.testing.assert_array_equal(label[aside], true_labels(whole, depth_m)[rows][aside])
         assert np.quantile(margin[aside], 0.01) > 0.5
         refused = known & (np.indices(known.shape).sum(axis=0) % 3 == 0)
         second = solver.second(label, np.where(refused, np.nan, 1.0).astype(np.float32))
         assert (second[~refused] == -1).all()
         assert (second[refused] >= 0).all()
         assert (second != label)[refused].all()
-
-
-def test_steps_with_as_many_rows_do_not_share_work_memory() -> None:
-    """Of 40 rows, every eighth and every ninth are five rows each, but not the same ones."""
-    projector = small_map(small_rig())
-    carriers = small_carriers(projector, 12.0)
-    solver = OrderSolver(carriers, projector, OrderRange.build(projector, carriers[0], (-10.0, 34.0)), 0.8)
-    rng = np.random.default_rng(4)
-    flat = np.full(SMALL[::-1], 50.0, dtype=np.float32)
-    status = np.zeros(SMALL[::-1], dtype=np.uint8)
-    phases = tuple(
-        PhaseImage(rng.uniform(-np.pi, np.pi, flat.shape).astype(np.float32), flat, flat, flat, status) for _ in "lr"
-    )
-
-    def labels(row_step: int) -> Int8:
-        return solver.solve((phases[0], phases[1]), (flat, flat), 0.6, row_step)[0].copy()
-
-    labels(8)
-    with ThreadPoolExecutor(max_workers=1) as fresh:  # every thread has work memory of its own
-        np.testing.assert_array_equal(labels(9), fresh.submit(labels, 9).result())

@@ -79,7 +79,7 @@ def measure(rig: StereoRig | None = None, seed: int = 0) -> Stages:
     orders = OrderRange.build(projector, carriers[0], (far_px, near_px))
     cost = candidate_costs(carriers, projector, orders, phases, greys)
     solver = OrderSolver(carriers, projector, orders, settings.jump_cost)
-    label, _ = solver.solve(phases, greys, SHADING_SINGLE_RAD, settings.row_step)
+    label, _ = solver.solve(phases, greys, SHADING_SINGLE_RAD)
     known = np.isfinite(phases[0].offset_rad)
     match = refine(label, phases, carriers, projector, orders, settings, settings.max_mismatch_rad)
     row = rig.image_size[1] // 2
@@ -108,7 +108,7 @@ def candidate_costs(
     """Return the cost (H, K, W) of every candidate, in units of a full mismatch."""
     height, width = greys[0].shape
     tiles = tiles_for(height, width, orders.count)
-    OrderCosts(carriers, projector, orders).fill(phases, greys, SHADING_SINGLE_RAD, tiles, np.arange(height))
+    OrderCosts(carriers, projector, orders).fill(phases, greys, SHADING_SINGLE_RAD, tiles)
     return as_rows(tiles, height, width).astype(np.float32) / np.float32(UNITS)
 
 
