@@ -12,11 +12,12 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.apart import BARE, NAN_SAFE
+from moire_sensor.depth_around import SIDES, dimmest, neighbour, next_of
 from moire_sensor.depth_narrow import NO_RUN, has_narrow_run, run_offered
-from moire_sensor.depth_offer import RIM_PX, fits, plane_offered, taken
+from moire_sensor.depth_offer import fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
-from moire_sensor.depth_trust import FAR, JUMP_PX, ROW_REACH_PX, Trust
-from moire_sensor.depth_window import LEVEL_PX, level_difference
+from moire_sensor.depth_trust import JUMP_PX, Trust
+from moire_sensor.depth_window import LANES, small_difference
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import Light
 from moire_sensor.projector_map import ProjectorMap
@@ -24,8 +25,8 @@ from moire_sensor.settings import Settings
 
 # What the first round gives to a surface lets the second trust its neighbours.
 ROUNDS = 2
-# Planes are offered from four sides, runs from left and right.
-SIDES, OFFERS = 4, 6
+# Planes are offered from all sides, runs from left and right.
+OFFERS = SIDES + 2
 NOTHING = (np.float32(np.nan), np.float32(0.0), np.float32(0.0))
 # A pixel leaves its surface only for one that fits better by this share of the amplitude.
 BETTER_SHARE = np.float32(0.03)
@@ -62,23 +63,6 @@ def extend(
 
 
 @njit(forceinline=True, **BARE)
-def neighbour(above, below, y, x, side, before, after):  # type: ignore[no-untyped-def]
-    """Trusted pixel left (side 0: column ``before``), right (1: ``after``), above (2) or below (3); row -1: none."""
-    y0, x0 = y, x
-    if side == 0:
-        x0 = before
-    elif side == 1:
-        x0 = after
-    elif side == 2:
-        y0 = y - np.int64(above[y, x]) if above[y, x] < FAR else -1
-    else:
-        y0 = y + np.int64(below[y, x]) if below[y, x] < FAR else -1
-    height, width = above.shape
-    inside = RIM_PX <= x0 < width - RIM_PX and RIM_PX <= y0 < height - RIM_PX
-    return (y0, x0) if inside and abs(x0 - x) <= ROW_REACH_PX else (-1, -1)
-
-
-@njit(forceinline=True, **BARE)
 def offer_of(disparity, above, below, y, x, number, before, after, alone, narrow):  # type: ignore[no-untyped-def]
     """Pixel (-1, -1: none) that makes one of the ``OFFERS``, and the disparity and slopes that it offers to (y, x)."""
     if number < SIDES:
@@ -90,17 +74,6 @@ def offer_of(disparity, above, below, y, x, number, before, after, alone, narrow
 
 
 @njit(forceinline=True, **BARE)
-def dimmest(amplitude, above, below, y, x, before, after):  # type: ignore[no-untyped-def]
-    """Least fringe amplitude of the pixel and the trusted ones around it."""
-    bright = max(amplitude[y, x], np.float32(1.0))
-    for side in range(SIDES):
-        y0, x0 = neighbour(above, below, y, x, side, before, after)
-        if y0 >= 0:
-            bright = min(bright, amplitude[y0, x0])
-    return bright
-
-
-@njit(forceinline=True, **BARE)
 def allowed(limits, bright):  # type: ignore[no-untyped-def]
     """Largest difference in amplitudes that is believed."""
     return np.float32(2.0) * limits[1] / bright + limits[2]
@@ -108,7 +81,8 @@ def allowed(limits, bright):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **BARE)
 def best_offer(  # type: ignore[no-untyped-def]
-    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own, narrow
+    disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, own, sums,
+    narrow,
 ):
     """Of the surfaces offered, the one that fits best: difference (inf: none), disparity, variance, amplitude.
 
@@ -116,17 +90,17 @@ def best_offer(  # type: ignore[no-untyped-def]
     """
     best, chosen = np.float32(np.inf), np.float32(np.nan)
     variance, bright = np.float32(0.0), max(amplitude[y, x], np.float32(1.0))
+    here = disparity[np.uint64(y), np.uint64(x)]
     for number in range(OFFERS):
         alone = best == np.float32(np.inf)
         y0, x0, offer = offer_of(disparity, above, below, y, x, number, before, after, alone, narrow)
-        if y0 < 0 or abs(offer[0] - disparity[y, x]) < JUMP_PX:
+        if y0 < 0 or abs(offer[0] - here) < JUMP_PX:
             continue
-        shine, limit = amplitude[y0, x0], best
+        shine, dark = amplitude[np.uint64(y0), np.uint64(x0)], background[np.uint64(y0), np.uint64(x0)]
+        limit = best
         if not np.isnan(own):
             limit = min(limit, allowed(limits, shine), own / shine - BETTER_SHARE)
-        moved, difference, doubt = fits(
-            offer, y, x, x0, shine, background[y0, x0], left, right, map_, claim, limits, limit
-        )
+        moved, difference, doubt = fits(offer, y, x, x0, shine, dark, left, right, map_, claim, limits, limit, sums)
         if difference < best:
             best, chosen, variance, bright = difference, moved, doubt, shine
     return best, chosen, variance, bright
@@ -137,7 +111,7 @@ def own_difference(left, right, claim, y, x, here, largest, sums):  # type: igno
     """Difference in grey levels of a pixel where it is, infinite where unknown or another surface is seen there."""
     if np.isnan(here) or taken(claim, y, x, here):
         return np.float32(np.inf)
-    return level_difference(left, right, y, x, here, largest, sums)
+    return small_difference(left, right, y, x, here, np.float32(0.0), np.float32(0.0), largest, sums)
 
 
 @njit(forceinline=True, **BARE)
@@ -150,20 +124,20 @@ def judge(  # type: ignore[no-untyped-def]
     One that fits better than any other can, or as well as noise lets any, whichever gives the scale, is left alone.
     Only where an offer decides by its amplitude whether the pixel is lost must the best of the bad ones be known.
     """
-    dim = dimmest(amplitude, above, below, y, x, before, after)
-    bearable = allowed(limits, dim) * dim
-    enough = min(bearable, BETTER_SHARE * dim + LEAST_NOISE * limits[1])
-    here = disparity[y, x]
-    own = own_difference(left, right, claim, y, x, here, np.float32(np.inf), sums)
-    if own <= enough:
-        return
-    unknown = own == np.float32(np.inf)
-    judged = own if unknown or own <= bearable else np.float32(np.nan)
+    here, endless = disparity[y, x], np.float32(np.inf)
+    own = own_difference(left, right, claim, y, x, here, endless, sums)
+    unknown, judged, bearable = own == endless, own, endless
+    if not unknown:
+        dim = dimmest(amplitude, above, below, y, x, before, after)
+        bearable = allowed(limits, dim) * dim
+        if own <= min(bearable, BETTER_SHARE * dim + LEAST_NOISE * limits[1]):
+            return
+        judged = own if own <= bearable else np.float32(np.nan)
     best, chosen, variance, bright = best_offer(
         disparity, above, below, claim, y, x, before, after, left, right, background, amplitude, map_, limits, judged,
-        narrow,
+        sums, narrow,
     )  # fmt: skip
-    if not unknown and (best < np.float32(np.inf) or own > bearable):
+    if not unknown and (best < endless or own > bearable):
         own = own_difference(left, right, claim, y, x, here, bright, sums)
     own /= bright
     if best < allowed(limits, bright) and best < own - BETTER_SHARE:
@@ -182,12 +156,11 @@ def assign(  # type: ignore[no-untyped-def]
     height, width = trust.shape
     for number in prange(height):
         y = interleaved(np.int64(number), height)
-        sums = np.empty(LEVEL_PX, dtype=np.float32)
-        start = 0
-        while start < width:
-            end = start
-            while end < width and not trust[y, end]:
-                end += 1
+        sums = np.empty(LANES, dtype=np.float32)
+        end = 0
+        while end < width:
+            start = next_of(trust[y], end, False)
+            end = next_of(trust[y], start, True)
             after = end if end < width else -1
             narrow = end > start and has_narrow_run(disparity, y, start, end)
             for x in range(start, end):
@@ -196,7 +169,6 @@ def assign(  # type: ignore[no-untyped-def]
                         disparity, above, below, claim, y, x, start - 1, after, left, right, background, amplitude,
                         map_, limits, sums, narrow, new_disparity, new_sigma, new_signed, new_mismatch,
                     )  # fmt: skip
-            start = end + 1
 
 
 @njit(forceinline=True, **BARE)

@@ -10,30 +10,20 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.apart import NAN_SAFE
+from moire_sensor.apart import NAN_SAFE, ROW
+from moire_sensor.depth_gap import fill_face, fill_gap, is_face_aside
 from moire_sensor.depth_refine import Match
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.settings import Settings
 
 # The longest gap, and the highest step across it.
 LENGTH_PX, STEP_PX = 8, np.float32(16.0)
+# Columns that one task follows from row to row, and a row long before the first.
+BLOCK_PX, NEVER = 64, -100
 # Pixels of each surface that must lie beside the gap.
 EDGE_PX = 3
-# A pixel with fringes of less than this share of its neighbour's shows something else too.
-MIXED_SHARE = np.float32(0.9)
 # Of the misfit allowed to single pixels beside an edge, a face may have this share: a plane is asked for, not a pixel.
 MISFIT_SHARE = 0.25
-# The largest step across a steep face at the side (what turns out to be no such face is off by no more), how far apart
-# the right camera sees the pixels at its ends at most, half of each included, and the mismatch of what is filled there,
-# since nothing is compared.
-ASIDE_STEP_PX, ASIDE_SEEN_PX, ASIDE_MISFIT = np.float32(3.0), np.float32(2.0), np.float32(0.2)
-# Half of the row of grey levels that speaks for a pixel.
-HALF_ROW_PX = 3
-HALF = np.float32(0.5)
-# How well an end of a gap is known: a uniform error of a pixel has a sigma of 0.29.
-END_DOUBT_PX = np.float32(0.25)
-# A surface's light tells where it ends if it differs from the gap's by so many times the noise of a difference.
-TELLING_CONTRAST = np.float32(3.0)
 
 
 def bridge(
@@ -52,112 +42,62 @@ def bridge(
     limits = np.array(
         [2.0 * settings.image_noise, MISFIT_SHARE * settings.max_border_misfit, rad_per_px], dtype=np.float32
     )
-    columns = tuple(image.T for image in match.images())
-    bridge_lines(*columns, *greys, amplitude, limits, True)
-    bridge_lines(*match.images(), *greys, amplitude, limits, False)
+    bridge_columns(*match.images(), *greys, amplitude, limits)
+    bridge_rows(*match.images(), *greys, amplitude, limits)
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def bridge_lines(  # type: ignore[no-untyped-def]
-    disparity, sigma, signed, mismatch, left, right, amplitude, limits, upright
-):
-    """Fill the gaps of every line of the first four images, which are transposed if ``upright``."""
+def bridge_rows(disparity, sigma, signed, mismatch, left, right, amplitude, limits):  # type: ignore[no-untyped-def]
+    """Fill the gaps of every row of the first four images."""
     for number in prange(disparity.shape[0]):
-        line = np.int64(number)
-        here = disparity[line]
-        images = here, sigma[line], signed[line], mismatch[line]
+        y = np.int64(number)
+        here = disparity[y]
+        images = here, sigma[y], signed[y], mismatch[y]
         last = -1
-        for at in range(here.size):
-            if here[at] != here[at]:
+        for x in range(here.size):
+            if here[x] != here[x]:
                 continue
-            if last >= 0 and 1 < at - last <= LENGTH_PX + 1 and meet(here, last, at):
-                if not upright and is_face_aside(here, left[line], amplitude[line], limits, last, at):
-                    fill_face(images, last, at)
+            if last >= 0 and 1 < x - last <= LENGTH_PX + 1 and meet(here, last, x):
+                if is_face_aside(here, left[y], amplitude[y], limits, last, x):
+                    fill_face(images, last, x)
                 else:
-                    fill_gap(images, left, right, amplitude, limits, line, last, at, upright)
-            last = at
+                    fill_gap(images, left, right, amplitude, limits, y, last, x, False)
+            last = x
 
 
-@njit(inline="always", fastmath=False)
-def fill_gap(images, left, right, amplitude, limits, line, last, at, upright):  # type: ignore[no-untyped-def]
-    """Fill the pixels of one gap that fit, in a line of the four images."""
-    here, sigma, signed, mismatch = images
-    bright = amplitude[:, line] if upright else amplitude[line]
-    first, end = firm_ends(bright, last, at)
-    begin, length = np.float32(first), np.float32(end - first)
-    if upright:
-        begin, length = lit_ends(left[:, line], last, at, first, end, limits[0])
-    step, shine = here[end] - here[first], max(min(bright[first], bright[end]), np.float32(1.0))
-    doubt = sigma[first] + END_DOUBT_PX * abs(step) / length
-    along = np.float32(0.0) if upright else step / length
-    for x in range(first + 1, end):
-        part = min(max((np.float32(x) - begin) / length, np.float32(0.0)), np.float32(1.0))
-        found = here[first] + step * part
-        row, column = (x, line) if upright else (line, x)
-        apart = row_difference(left, right, row, column, found, along)
-        if apart < limits[0] + limits[1] * bright[x]:
-            here[x], sigma[x], signed[x], mismatch[x] = found, doubt, np.float32(np.nan), apart / shine
+@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
+def bridge_columns(disparity, sigma, signed, mismatch, left, right, amplitude, limits):  # type: ignore[no-untyped-def]
+    """Fill the gaps of every column of the first four images; a block of columns goes down row by row."""
+    height, width = disparity.shape
+    for block in prange((width + BLOCK_PX - 1) // BLOCK_PX):
+        first, end = np.int64(block) * BLOCK_PX, min((np.int64(block) + 1) * BLOCK_PX, width)
+        last = np.full(end - first, NEVER, dtype=np.int32)
+        ends = np.empty(end - first, dtype=np.int32)
+        for y in range(height):
+            if mark_ends(disparity[y, first:end], y, last, ends) == 0:
+                continue
+            for x in range(first, end):
+                before = np.int64(ends[x - first])
+                here = disparity[:, x]
+                if before >= 0 and meet(here, before, y):
+                    images = here, sigma[:, x], signed[:, x], mismatch[:, x]
+                    fill_gap(images, left, right, amplitude, limits, x, before, y, True)
 
 
-@njit(inline="always", fastmath=False)
-def is_face_aside(here, grey, bright, limits, last, at):  # type: ignore[no-untyped-def]
-    """Whether a gap of a row is a dark face so steep that the right camera sees less than a pixel of it.
+@njit(**ROW)
+def mark_ends(line, y, last, ends):  # type: ignore[no-untyped-def]
+    """Fill where the gaps began that end in row y, -1 where none does, and return how many do.
 
-    It must be darker than the fringes of either surface can become so near: not a lit strip that the right camera does
-    not see.
+    ``last`` are the last rows with a known pixel, which may be this one then.
     """
-    step = here[at] - here[last]
-    if not np.float32(0.0) < step <= ASIDE_STEP_PX or np.float32(at - last) - step > ASIDE_SEEN_PX:
-        return False
-    dark = grey[(last + at) // 2]
-    away = HALF * np.float32(at - last)
-    for end in (last, at):
-        fall = np.float32(2.0) * bright[end] * np.sin(min(HALF * limits[2] * away, np.float32(HALF * np.pi)))
-        if not grey[end] - dark > fall + TELLING_CONTRAST * limits[0]:
-            return False
-    return True
-
-
-@njit(inline="always", fastmath=False)
-def fill_face(images, last, at):  # type: ignore[no-untyped-def]
-    """Fill the pixels of a gap by the straight line between its ends."""
-    here, sigma, signed, mismatch = images
-    length = np.float32(at - last)
-    step = here[at] - here[last]
-    for x in range(last + 1, at):
-        here[x] = here[last] + step * np.float32(x - last) / length
-        sigma[x], signed[x], mismatch[x] = END_DOUBT_PX * step / length, np.float32(np.nan), ASIDE_MISFIT
-
-
-@njit(inline="always", fastmath=False)
-def firm_ends(bright, last, at):  # type: ignore[no-untyped-def]
-    """The ends of a gap, each a pixel further out where its fringes are dim beside those behind it: a mixed pixel."""
-    first = last - 1 if bright[last] < MIXED_SHARE * bright[last - 1] else last
-    return first, at + 1 if bright[at] < MIXED_SHARE * bright[at + 1] else at
-
-
-@njit(inline="always", fastmath=False)
-def lit_ends(grey, last, at, first, end, noise):  # type: ignore[no-untyped-def]
-    """Where along a column a dark gap begins, and its length, pixels: the mixed pixels at its ends tell by their light.
-
-    Where the surface is as dark as the gap nothing tells, and the gap begins at ``first``
-    or ends at ``end``, the firm pixels beside it.
-    """
-    dark = grey[(last + at) // 2]
-    above = share_lit(grey, last, last - 2, dark, noise) + share_lit(grey, last + 1, last - 2, dark, noise)
-    below = share_lit(grey, at, at + 2, dark, noise) + share_lit(grey, at - 1, at + 2, dark, noise)
-    begins = np.float32(last) + above - HALF if above > 0.0 else np.float32(first)
-    ends = np.float32(at) - below + HALF if below > 0.0 else np.float32(end)
-    return np.float32(begins), np.float32(max(ends - begins, np.float32(1.0)))
-
-
-@njit(inline="always", fastmath=False)
-def share_lit(grey, mixed, whole, dark, noise):  # type: ignore[no-untyped-def]
-    """Share 0..1 of a mixed pixel's light that comes from the surface of a whole one; 0 where that one is dark, too."""
-    contrast = grey[whole] - dark
-    if abs(contrast) < TELLING_CONTRAST * noise:
-        return np.float32(0.0)
-    return min(max((grey[mixed] - dark) / contrast, np.float32(0.0)), np.float32(1.0))
+    row, longest, count = np.int32(y), np.int32(LENGTH_PX + 1), np.int32(0)
+    for x in range(line.size):
+        known, away = line[x] == line[x], row - last[x]
+        closed = known & (away > np.int32(1)) & (away <= longest)
+        ends[x] = last[x] if closed else np.int32(-1)
+        last[x] = row if known else last[x]
+        count += np.int32(closed)
+    return count
 
 
 @njit(inline="always", fastmath=False)
@@ -169,18 +109,3 @@ def meet(line, last, at):  # type: ignore[no-untyped-def]
         if not abs(line[last - more] - line[last]) <= STEP_PX or not abs(line[at + more] - line[at]) <= STEP_PX:
             return False
     return True
-
-
-@njit(inline="always", fastmath=False)
-def row_difference(left, right, y, x, disparity, along):  # type: ignore[no-untyped-def]
-    """Mean difference of the two views along the row about a pixel; infinite where the right view ends."""
-    first, last = max(x - HALF_ROW_PX, 0), min(x + HALF_ROW_PX, left.shape[1] - 1)
-    total = np.float32(0.0)
-    for column in range(first, last + 1):
-        seen = np.float32(column) - (disparity + along * np.float32(column - x))
-        if not np.float32(0.0) <= seen < np.float32(left.shape[1] - 1):
-            return np.float32(np.inf)
-        base = int(seen)
-        part = seen - np.float32(base)
-        total += abs(left[y, column] - (right[y, base] + part * (right[y, base + 1] - right[y, base])))
-    return total / np.float32(last - first + 1)

@@ -1,20 +1,17 @@
-"""Rejection of disparities that cannot be trusted: mismatch, double use of a right pixel, specks."""
+"""Rejection of disparities that use a right pixel twice."""
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-from moire_sensor.apart import NAN_SAFE, ROW
+from moire_sensor.apart import ROW
+from moire_sensor.depth_specks import SAME_SURFACE_PX
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.right_view import REACH_PX, difference
 
-SAME_SURFACE_PX = np.float32(1.0)
 MISMATCH_WEIGHT = np.float32(0.5)
-SPECKLE_STEPS_PER_PX = 8
-NO_STEP = np.int16(-32768)
 
 
 def drop_rivals(
@@ -86,52 +83,3 @@ def differs(disparity, mismatch, amplitude, left, right, y, x):  # type: ignore[
         total += difference(left, right, yy, x, x - disparity[x], REACH_PX)
     grey = total / np.float32(last - first + 1) / max(amplitude[x], np.float32(1.0))
     return grey + MISMATCH_WEIGHT * mismatch[x]
-
-
-def drop_slivers(disparity_px: Float32, least_px: int) -> None:
-    """Set in place to NaN the pixels of runs along a row, all on one surface, that are shorter than ``least_px``.
-
-    A window one period wide cannot measure what is much narrower: such a run is what an accident of two views looks
-    like, a strip that each camera sees of something else behind a thin pole.
-    """
-    clear_short_runs(disparity_px, least_px)
-
-
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def clear_short_runs(disparity, least):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`drop_slivers`."""
-    height, width = disparity.shape
-    for y in prange(height):
-        row = disparity[y]
-        ends = np.ones(width, dtype=np.uint8)
-        for x in range(width - 1):
-            ends[x] = not abs(row[x + 1] - row[x]) <= SAME_SURFACE_PX
-        start = 0
-        for x in range(width):
-            if ends[x]:
-                if x + 1 - start < least:
-                    for at in range(start, x + 1):
-                        row[at] = np.float32(np.nan)
-                start = x + 1
-
-
-def without_specks(disparity_px: Float32, min_segment_px: int) -> npt.NDArray[np.bool_]:
-    """Pixels (H, W) on connected surfaces of at least ``min_segment_px`` pixels."""
-    steps = np.empty(disparity_px.shape, dtype=np.int16)
-    sample = disparity_px[::7, ::7]
-    known = sample[np.isfinite(sample)]
-    fill_steps(disparity_px, np.float32(np.median(known) if known.size else 0.0), steps)
-    cv2.filterSpeckles(steps, int(NO_STEP), min_segment_px, SPECKLE_STEPS_PER_PX)
-    return np.asarray(steps != NO_STEP)
-
-
-@njit(parallel=True, fastmath=NAN_SAFE, cache=True)
-def fill_steps(disparity, middle, steps):  # type: ignore[no-untyped-def]
-    """Fill ``steps`` (H, W) with disparities in eighths of a pixel about ``middle``, ``NO_STEP`` where NaN."""
-    height, width = disparity.shape
-    for y in prange(height):
-        for x in range(width):
-            steps[y, x] = NO_STEP
-            if not np.isnan(disparity[y, x]):
-                step = np.float32(SPECKLE_STEPS_PER_PX) * (disparity[y, x] - middle)
-                steps[y, x] = np.int16(min(max(step, np.float32(-32000.0)), np.float32(32000.0)))

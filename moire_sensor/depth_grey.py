@@ -29,9 +29,10 @@ ROUNDS, ROUNDS_ON_TEXTURE = 2, 5
 MOVING_SHARE = 0.014
 # What a window needs to measure: squared slopes that place it to a tenth of a pixel.
 SURE_PX = 0.1
-SAMPLE_PX = 7
-# Median magnitude of normal noise, in standard deviations.
-MEDIAN_SIGMAS = 0.6745
+# So many rows, and every so many pixels of them, tell how bright the views are; fewer matched ones tell nothing.
+SAMPLE_ROWS, SAMPLE_PX, FEWEST = 16, 4, 40
+# One pixel in so many, both ways, tells the usual noise. Its median magnitude, in standard deviations.
+NOISE_SAMPLE_PX, MEDIAN_SIGMAS = 8, 0.6745
 # Windows, columns and rows, in which two views may not look different: phase steps resolve single rows.
 MISFIT_WINDOW, ROW_WINDOW = (5, 3), (5, 1)
 
@@ -45,15 +46,20 @@ def measures_by_stereo(carrier: Carrier, projector: ProjectorMap) -> bool:
 
 
 def right_as_left(right: Float32, disparity_px: Float32, phases: tuple[PhaseImage, PhaseImage]) -> Float32:
-    """Right image (H, W) with the gain and shift that turn its grey levels into left ones, from matched fringes."""
-    rows, columns = (SAMPLE_PX * part for part in np.nonzero(np.isfinite(disparity_px[::SAMPLE_PX, ::SAMPLE_PX])))
-    if rows.size < 100:
+    """Right image (H, W) with the gain and shift that turn its grey levels into left ones, from matched fringes.
+
+    It lasts until the next call in this thread.
+    """
+    every = max(1, right.shape[0] // SAMPLE_ROWS)
+    rows, columns = np.nonzero(np.isfinite(disparity_px[every // 2 :: every, ::SAMPLE_PX]))
+    rows, columns = every // 2 + every * rows, SAMPLE_PX * columns
+    if rows.size < FEWEST:
         return right
     seen = np.clip(np.rint(columns - disparity_px[rows, columns]), 0, right.shape[1] - 1).astype(np.int64)
     left_phase, right_phase = phases
     gain = np.median(left_phase.amplitude[rows, columns] / np.maximum(right_phase.amplitude[rows, seen], 1.0))
     shift = np.median(left_phase.background[rows, columns] - gain * right_phase.background[rows, seen])
-    return np.asarray(cv2.addWeighted(right, float(gain), right, 0.0, float(shift)))
+    return np.asarray(cv2.addWeighted(right, float(gain), right, 0.0, float(shift), dst=Room.of(right.shape).right))
 
 
 def match_greys(
@@ -89,7 +95,7 @@ def match_greys(
 
 def typical_noise(apart: Float32) -> np.float32:
     """Standard deviation of the differences (H, W) by their median magnitude, which sharp steps do not change."""
-    some = apart[::SAMPLE_PX, ::SAMPLE_PX]
+    some = apart[::NOISE_SAMPLE_PX, ::NOISE_SAMPLE_PX]
     some = some[some > 0.0]
     return np.float32(np.median(some) / MEDIAN_SIGMAS if some.size else np.inf)
 
@@ -144,17 +150,18 @@ def least_power(settings: Settings) -> np.float32:
 
 @dataclass(frozen=True)
 class Room:
-    """Work memory of :func:`match_greys` for images (H, W): what differs, squared slopes, disparities, their means."""
+    """Work memory for images (H, W): what differs, squared slopes, disparities, their means, the right image."""
 
     apart: Float32
     power: Float32
     found: Float32
     smooth: Float32
+    right: Float32
 
     @classmethod
     def of(cls, shape: tuple[int, ...]) -> Room:
         """Memory that all calls of a thread share."""
-        return scratch(("greys", shape), lambda: cls(*np.empty((4, *shape), dtype=np.float32)))
+        return scratch(("greys", shape), lambda: cls(*np.empty((5, *shape), dtype=np.float32)))
 
 
 def check_greys(match: Match, greys: tuple[Float32, Float32], amplitude: Float32, settings: Settings) -> None:

@@ -37,7 +37,8 @@ def taken(claim, y, x, disparity):  # type: ignore[no-untyped-def]
     column = int(np.floor(np.float32(x) - disparity + np.float32(0.5)))
     if column < 0 or column >= claim.shape[1]:
         return True
-    return claim[y, column] > NO_CLAIM and abs(claim[y, column] - disparity) > SAME_CLAIM_PX
+    held = claim[np.uint64(y), np.uint64(column)]
+    return held > NO_CLAIM and abs(held - disparity) > SAME_CLAIM_PX
 
 
 @njit(**BARE)
@@ -45,7 +46,8 @@ def taken_however_moved(claim, y, x, disparity):  # type: ignore[no-untyped-def]
     """Whether :func:`taken` holds wherever the row may move a plane, which spares its match."""
     column = int(np.floor(np.float32(x) - disparity + np.float32(0.5)))
     for at in range(max(column - 1, 0), min(column + 2, claim.shape[1])):
-        if claim[y, at] == NO_CLAIM or abs(claim[y, at] - disparity) <= SAME_CLAIM_PX + LARGEST_MOVE_PX:
+        held = claim[np.uint64(y), np.uint64(at)]
+        if held == NO_CLAIM or abs(held - disparity) <= SAME_CLAIM_PX + LARGEST_MOVE_PX:
             return False
     return True
 
@@ -53,10 +55,11 @@ def taken_however_moved(claim, y, x, disparity):  # type: ignore[no-untyped-def]
 @njit(**BARE)
 def plane_offered(disparity, y, x, y0, x0):  # type: ignore[no-untyped-def]
     """Disparity at (y, x) of the plane around trusted pixel (y0, x0), and its slopes along x and y."""
+    row, column, rim = np.uint64(y0), np.uint64(x0), np.uint64(RIM_PX)
     span = np.float32(2 * RIM_PX)
-    along = (disparity[y0, x0 + RIM_PX] - disparity[y0, x0 - RIM_PX]) / span
-    across = (disparity[y0 + RIM_PX, x0] - disparity[y0 - RIM_PX, x0]) / span
-    return disparity[y0, x0] + along * np.float32(x - x0) + across * np.float32(y - y0), along, across
+    along = (disparity[row, column + rim] - disparity[row, column - rim]) / span
+    across = (disparity[row + rim, column] - disparity[row - rim, column]) / span
+    return disparity[row, column] + along * np.float32(x - x0) + across * np.float32(y - y0), along, across
 
 
 @njit(**BARE)
@@ -88,18 +91,18 @@ def cos(angle):  # type: ignore[no-untyped-def]
 
 @njit(**BARE)
 def fits(  # type: ignore[no-untyped-def]
-    offer, y, x, x0, bright, background, left, right, map_, claim, limits, limit
+    offer, y, x, x0, bright, background, left, right, map_, claim, limits, limit, sums
 ):
     """Disparity of an offered plane as the row moves it, its difference in amplitudes (inf: refused), its variance.
 
-    ``bright`` and ``background`` are those of the trusted pixel in column ``x0``. A difference of more than ``limit``
-    need not be exact.
+    ``bright`` and ``background`` are those of the trusted pixel in column ``x0``. Light is looked at only where the
+    difference is less than ``limit``.
     """
     disparity, along, across = offer
     refused = np.float32(np.inf)
     if taken_however_moved(claim, y, x, disparity):
         return disparity, refused, refused
-    if not lit_so(left[y, x], background, bright, map_, x, y, disparity, limits[1]):
+    if not lit_so(left[np.uint64(y), np.uint64(x)], background, bright, map_, x, y, disparity, limits[1]):
         return disparity, refused, refused
     aside = ROW_SPAN_PX if x0 > x else ROW_SPAN_PX // 2 if x0 == x else 0
     shift, power, variance = row_match(left, right, y, x, disparity, along, x + aside - ROW_SPAN_PX)
@@ -112,7 +115,7 @@ def fits(  # type: ignore[no-untyped-def]
     disparity += moved
     if taken(claim, y, x, disparity):
         return disparity, refused, variance
-    difference = small_difference(left, right, y, x, disparity, along, across, bright, np.float32(0.0), limit * bright)
+    difference = small_difference(left, right, y, x, disparity, along, across, bright, sums)
     if difference < limit * bright and not is_lit(left, background, bright, map_, y, x, disparity, along, limits[1]):
         return disparity, refused, variance
     return disparity, difference / bright + MOVE_COST * abs(moved), variance
@@ -131,7 +134,7 @@ def is_lit(left, background, bright, map_, y, x, disparity, along, noise):  # ty
         for column in range(max(first, 0), min(first + LIT_PX, width)):
             here = disparity + along * np.float32(column - x)
             promised += background + bright * fringe_cos(map_, column, y, here)
-            found += left[y, column]
+            found += left[np.uint64(y), np.uint64(column)]
         if found > LIT_SHARE * promised - LIT_DOUBT * noise:
             return True
     return False

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from moire_sensor.depth_accord import FOREIGN_RAD, agreeing
 from moire_sensor.depth_border import extend
 from moire_sensor.depth_bridge import bridge
-from moire_sensor.depth_check import drop_rivals, drop_slivers, without_specks
+from moire_sensor.depth_check import drop_rivals
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import approach_greys, check_greys, match_greys, measures_by_stereo, right_as_left
 from moire_sensor.depth_phantom import drop_phantoms
@@ -20,6 +20,7 @@ from moire_sensor.depth_rim import close_rims
 from moire_sensor.depth_rows import Seen, all_rows
 from moire_sensor.depth_seek import seek
 from moire_sensor.depth_shot import drop_out_of_range, results
+from moire_sensor.depth_specks import drop_slivers, drop_specks
 from moire_sensor.depth_surface import along_surface
 from moire_sensor.depth_views import orders_fail, patch_mismatch_rad
 from moire_sensor.order_range import OrderRange
@@ -169,7 +170,7 @@ class PhasePipeline:
         drop_rivals(match.disparity_px, match.mismatch_rad, seen.amplitude, greys, np.arange(len(seen.amplitude)))
         if self._by_stereo:
             drop_slivers(match.disparity_px, way.least_run_px)
-        match.disparity_px[~without_specks(match.disparity_px, self.settings.min_segment_px)] = np.nan
+        drop_specks(match.disparity_px, self.settings.min_segment_px)
         if self._by_stereo:
             drop_phantoms(match, greys, seen.amplitude, self._projector, self.settings)
             if way.single:

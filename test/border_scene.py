@@ -247,10 +247,12 @@ def slow_offer(
         return None
     if abs(x - x0) > fit.NEAR_PX and variance > fit.FAR_VARIANCE:
         return None
-    d += shift if abs(shift) > fit.MOVE_PX else 0.0
+    moved = shift if abs(shift) > fit.MOVE_PX else 0.0
+    d += moved
     if is_taken(claim, y, x, d):
         return None
-    return slow_difference(views, y, x, (d, along, across)) / AMPLITUDE, d, float(np.sqrt(variance))
+    difference = slow_difference(views, y, x, (d, along, across)) / AMPLITUDE + fit.MOVE_COST * abs(moved)
+    return difference, d, float(np.sqrt(variance))
 
 
 def slow_lit(left: Float32, y: int, x: int, disparity: float, along: float) -> bool:

@@ -1,4 +1,4 @@
-"""Uniqueness, specks, confidence and the agreement of the views against slow loops and known cases."""
+"""Uniqueness, confidence and the agreement of the views against slow loops and known cases."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from dense_rigs import Float32, capture, dense_shot, sensor
 
 from moire_sensor import Reconstructor, Status
-from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_rivals, drop_slivers, without_specks
+from moire_sensor.depth_check import MISMATCH_WEIGHT, drop_rivals
 from moire_sensor.depth_confidence import WEIGHTS, confidence_of
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_views import PATCH_PX, patch_mismatch_rad
@@ -72,49 +72,6 @@ def test_unique_pixels_equal_the_slow_loop(rows_of: Callable[[int], npt.NDArray[
     drop_rivals(found, match.mismatch_rad, amplitude, (left, right), rows)
     np.testing.assert_array_equal(found, np.where(expected, match.disparity_px, np.nan))
     assert 0.1 < expected.mean() < 0.9
-
-
-def test_small_specks_go_and_surfaces_stay() -> None:
-    disparity = np.full((60, 80), np.nan, dtype=np.float32)
-    disparity[5:12, 5:12] = 30.0
-    disparity[20:50, 10:70] = np.linspace(40.0, 52.0, 60)
-    disparity[30:36, 30:36] = 90.0
-    expected = np.isfinite(disparity)
-    expected[5:12, 5:12] = expected[30:36, 30:36] = False
-    np.testing.assert_array_equal(without_specks(disparity, 60), expected)
-
-
-@pytest.mark.parametrize("shift", [-300.0, 0.0, 2000.0])
-def test_specks_do_not_depend_on_where_disparities_lie(shift: float) -> None:
-    disparity = random_match(3).disparity_px
-    moved = without_specks(disparity + np.float32(shift), 5)
-    np.testing.assert_array_equal(moved, without_specks(disparity, 5))
-    assert moved.any()
-    assert not moved[np.isfinite(disparity)].all()
-
-
-def test_an_empty_image_has_no_surfaces() -> None:
-    assert not without_specks(np.full((20, 30), np.nan, dtype=np.float32), 5).any()
-
-
-def without_slivers(line: Float32, least: int) -> Float32:
-    """Runs of neighbours at most a pixel apart, cut out and weighed one by one."""
-    apart = ~(np.abs(np.diff(line)) <= 1.0)
-    runs = np.split(line, np.flatnonzero(apart) + 1)
-    return np.concatenate([run if run.size >= least else np.full_like(run, np.nan) for run in runs])
-
-
-@pytest.mark.parametrize("least", [0, 1, 2, 5, 100])
-def test_slivers_are_the_short_runs(least: int) -> None:
-    rng = np.random.default_rng(8)
-    # Surfaces 1 to 12 px wide with holes, and runs that reach both borders.
-    disparity = np.repeat(rng.uniform(20.0, 60.0, (30, 40)), rng.integers(1, 13, 40), axis=1).astype(np.float32)
-    disparity += rng.uniform(-0.4, 0.4, disparity.shape).astype(np.float32)
-    disparity[rng.uniform(size=disparity.shape) < 0.05] = np.nan
-    expected = np.array([without_slivers(line, least) for line in disparity])
-    drop_slivers(disparity, least)
-    np.testing.assert_array_equal(disparity, expected)
-    assert np.isfinite(expected).any() == (least < 100)
 
 
 def test_confidence_is_the_logistic_regression_of_its_five_properties() -> None:
