@@ -70,6 +70,29 @@ def test_the_surface_that_covers_more_takes_the_pixel(column: int, share: float,
     np.testing.assert_array_equal(on_plate(edge.closed(), column), given)
 
 
+@pytest.mark.parametrize(("share", "covered"), [(0.2, False), (0.8, True)])
+def test_a_mixed_row_goes_to_the_surface_that_covers_more(share: float, covered: bool) -> None:
+    """The first row of a plate, where its light and the wall's are far enough apart; elsewhere it stays unknown."""
+    scene = Scene(shape=(40, 120), rows=(20, 40), columns=(40, 100), shadow_px=0)
+    y, x = np.indices(scene.shape, dtype=float)
+    dark = np.zeros(scene.shape, dtype=bool)
+    plate = scene.grey(y, x, np.full(scene.shape, scene.plate_px), dark)
+    wall = scene.grey(y, x, scene.wall(x, y), dark)
+    view = np.float32(scene.grey(y, x, scene.disparity_px, dark))
+    view[20] = share * plate[20] + (1.0 - share) * wall[20]
+    disparity = scene.disparity_px
+    disparity[20] = np.nan
+    match = scene.match(disparity)
+    close_rims(match, view, scene.phase(), PROJECTOR, Settings())
+    inside = slice(45, 95)
+    found, apart = match.disparity_px[20, inside], np.abs(plate - wall)[20, inside]
+    expected = scene.plate_px if covered else scene.wall(x, y)[20, inside]
+    clear = apart > 9.0 * Settings().image_noise
+    assert clear.sum() > 20
+    np.testing.assert_allclose(found[clear], np.broadcast_to(expected, found.shape)[clear], atol=0.1)
+    assert np.isnan(found[apart < 7.0 * Settings().image_noise]).all()
+
+
 def test_surfaces_that_promise_alike_leave_it_unknown() -> None:
     """Of all columns of the plate the one whose fringes look like the wall's there."""
     apart = [np.abs(np.subtract(*Edge(column, 1.0).promised())).max() for column in range(62, 88)]
