@@ -44,7 +44,7 @@ def close_rims(match: Match, left: Float32, light: Light, projector: ProjectorMa
         from the promised one, of the gap to the other surface or else of the amplitude, the sigma ``SIGMA_PX``, and no
         signed mismatch.
     left : grey levels (H, W) float32.
-    phase : the left phase, whose amplitude and background tell how bright a surface is.
+    light : amplitude and background of the left view, which tell how bright a surface is.
     """
     noise = np.float32(settings.image_noise)
     known = match.disparity_px.copy()

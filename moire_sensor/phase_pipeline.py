@@ -13,6 +13,7 @@ from moire_sensor.depth_bridge import bridge
 from moire_sensor.depth_check import drop_rivals
 from moire_sensor.depth_confidence import confidence_of
 from moire_sensor.depth_grey import approach_greys, check_greys, match_greys, measures_by_stereo, right_as_left
+from moire_sensor.depth_hidden import drop_hidden
 from moire_sensor.depth_phantom import drop_phantoms
 from moire_sensor.depth_refine import Match, fringe_orders, refine
 from moire_sensor.depth_ridge import sharpen
@@ -176,10 +177,13 @@ class PhasePipeline:
             if way.single:
                 half_width = self._carriers[0].half_width_px
                 seek(match, greys, seen, self._projector, self._orders, half_width, self.settings)
+                # What was found may show that a strip beside it is a phantom.
+                drop_phantoms(match, greys, seen.amplitude, self._projector, self.settings)
             extend(match, greys, seen, self._projector, self._rad_per_px, self.settings)
             sharpen(match, greys, seen.amplitude)
             bridge(match, greys, seen.amplitude, self._rad_per_px, self.settings)
             close_rims(match, greys[0], seen, self._projector, self.settings)
+            drop_hidden(match.disparity_px)
             if way.single:
                 drop_slivers(match.disparity_px, SLIVER_PX)
         return self._shot(phases, seen, match, margin)
