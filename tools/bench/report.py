@@ -76,8 +76,8 @@ LIGHT_NOTE = (
 POSTS_NOTE = (
     f"Means over {len(SEEDS)} scenes that nobody chose: three posts of 20 mm at random places, 0.6 m from the head to"
     " 0.15 m before a wall at 1.3, 1.5 or 1.9 m. `dense` measures a fringe, 17 px, at a time: posts narrower than"
-    " 21 px, which are those beyond 1.2 m, and posts nearly whole fringes before the wall, whose fringes run on from the"
-    " wall's, are found by what the right camera sees and nobody explains."
+    " 21 px, which are those beyond 1.2 m, and posts nearly whole fringes before the wall, whose fringes run on from"
+    " the wall's, are found by what the right camera sees and nobody explains."
 )
 TRUST_NOTE = (
     "Of the pixels with a confidence above 0.9, wherever they lie, the share off by more than 1 px (aim: 0.05 %); of"
