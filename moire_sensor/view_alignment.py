@@ -24,6 +24,9 @@ ROWS_APART_PX = 8
 MAX_OFFSET_PX = 4
 # Vertical structure longer than this is shading, which does not tell rows apart.
 TEXTURE_PX = 15
+# Where rows lie apart, edges of texture match badly, and just there depth is missing. Holes of a column are closed if
+# so much of a window so high is known, and alike.
+HOLE_WINDOW_PX, LEAST_KNOWN, MOST_SPREAD_PX = 31, 0.3, 1.0
 # A best offset must correlate as well as this, and better by this than the mean of all; white walls lie below 0.1.
 LEAST_CORRELATION, LEAST_GAIN = 0.5, 0.15
 LEAST_PIXELS = 2000
@@ -70,7 +73,7 @@ def measure_alignment(
         return Alignment(math.nan, math.nan)
     disparity_px = rig.disparity_px(np.where(known, depth_m, depth_range_m[1])).astype(np.float32)
     fringe_px = 2.0 * math.pi / (rad_per_px / (1.0 + (0.0 if math.isnan(period_error) else period_error)))
-    offset_px = row_offset_px(texture(left, fringe_px), texture(right, fringe_px), disparity_px, known)
+    offset_px = row_offset_px(texture(left, fringe_px), texture(right, fringe_px), *closed(disparity_px, known))
     return Alignment(offset_px, period_error)
 
 
@@ -126,6 +129,18 @@ def texture(image: npt.NDArray[np.generic], fringe_px: float) -> Float32:
     change = np.zeros(grey.shape, dtype=np.float32)
     change[1:-1] = grey[2:] - grey[:-2]
     return change
+
+
+def closed(disparity_px: Float32, known: Mask) -> tuple[Float32, Mask]:
+    """Disparity (H, W) with its holes in columns closed by the mean of what is known above and below, and what is."""
+    window, weight = (1, HOLE_WINDOW_PX), known.astype(np.float32)
+    values = np.where(known, disparity_px, np.float32(0.0))
+    share = cv2.blur(weight, window)
+    weight = np.maximum(share, np.float32(1e-6))
+    mean = cv2.blur(values, window) / weight
+    alike = cv2.blur(values * values, window) / weight - mean * mean <= MOST_SPREAD_PX**2
+    fill = ~known & (share >= LEAST_KNOWN) & alike
+    return np.where(fill, mean, disparity_px), known | fill
 
 
 def row_offset_px(left: Float32, right: Float32, disparity_px: Float32, known: Mask) -> float:

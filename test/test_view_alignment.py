@@ -37,9 +37,9 @@ def measured(scene: Any, rows: float = 0.0, pattern: FringePattern | None = None
 
 @pytest.mark.parametrize("scene", ["plane_1000", "cylinder_and_box", "tilt_0.5"])
 @pytest.mark.parametrize("rows", [0.0, 0.5, -1.5, 3.0])
-def test_a_row_offset_is_found_on_texture_to_a_tenth_of_a_row(scene: str, rows: float) -> None:
-    """A parabola through whole rows is off by up to 0.07 at sharp edges; a fifth of what is warned of."""
-    assert measured(capture(scene, 0.5), rows).row_offset_px == pytest.approx(rows, abs=0.1)
+def test_a_row_offset_is_found_on_texture_to_a_fiftieth_of_a_row(scene: str, rows: float) -> None:
+    """Also where rows apart cost the depth at just those edges that tell rows; a twenty-fifth of what is warned of."""
+    assert measured(capture(scene, 0.5), rows).row_offset_px == pytest.approx(rows, abs=0.02)
 
 
 @pytest.mark.parametrize("rows", [0.0, 2.0])
