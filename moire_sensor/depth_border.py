@@ -49,7 +49,7 @@ def extend(
     match : disparities, NaN where unknown. Pixels given to another surface get the sigma of their row's match and, as
         mismatch, the difference of grey levels in fringe amplitudes; their signed mismatch is NaN.
     greys : left, and right with the grey levels of the left, (H, W) float32.
-    phase : the left phase, whose amplitude and background tell how bright a surface is.
+    light : amplitude and background of the left view, which tell how bright a surface is.
     rad_per_px : how fast the left phase runs along a row, without its sign.
     """
     room = Trust.of(match.disparity_px.shape)

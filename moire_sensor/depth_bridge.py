@@ -13,13 +13,16 @@ from numba import njit, prange
 from moire_sensor.apart import NAN_SAFE, ROW
 from moire_sensor.depth_gap import fill_face, fill_gap, is_face_aside
 from moire_sensor.depth_refine import Match
+from moire_sensor.depth_runs import TASKS, list_edges, marks_for
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.settings import Settings
 
 # The longest gap, and the highest step across it.
 LENGTH_PX, STEP_PX = 8, np.float32(16.0)
+# Along a row any step may lie within a run: gaps are looked for.
+ANY_STEP_PX = np.float32(np.inf)
 # Columns that one task follows from row to row, and a row long before the first.
-BLOCK_PX, NEVER = 64, -100
+BLOCK_PX, NEVER = 160, -100
 # Pixels of each surface that must lie beside the gap.
 EDGE_PX = 3
 # Of the misfit allowed to single pixels beside an edge, a face may have this share: a plane is asked for, not a pixel.
@@ -49,20 +52,20 @@ def bridge(
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def bridge_rows(disparity, sigma, signed, mismatch, left, right, amplitude, limits):  # type: ignore[no-untyped-def]
     """Fill the gaps of every row of the first four images."""
-    for number in prange(disparity.shape[0]):
-        y = np.int64(number)
-        here = disparity[y]
-        images = here, sigma[y], signed[y], mismatch[y]
-        last = -1
-        for x in range(here.size):
-            if here[x] != here[x]:
-                continue
-            if last >= 0 and 1 < x - last <= LENGTH_PX + 1 and meet(here, last, x):
-                if is_face_aside(here, left[y], amplitude[y], limits, last, x):
-                    fill_face(images, last, x)
+    height, width = disparity.shape
+    for task in prange(TASKS):
+        marks, edges = marks_for(width), np.empty(width + 1, dtype=np.int32)
+        for y in range(np.int64(task), height, TASKS):
+            here = disparity[y]
+            for number in range(1, list_edges(here, ANY_STEP_PX, marks, edges) - 1):
+                last, at = np.int64(edges[number] - 1), np.int64(edges[number + 1])
+                if at - last > LENGTH_PX + 1 or here[last + 1] == here[last + 1] or not meet(here, last, at):
+                    continue
+                images = here, sigma[y], signed[y], mismatch[y]
+                if is_face_aside(here, left[y], amplitude[y], limits, last, at):
+                    fill_face(images, last, at)
                 else:
-                    fill_gap(images, left, right, amplitude, limits, y, last, x, False)
-            last = x
+                    fill_gap(images, left, right, amplitude, limits, y, last, at, False)
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)

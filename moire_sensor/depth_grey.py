@@ -17,6 +17,7 @@ from moire_sensor.apart import ROW
 from moire_sensor.depth_measure import compare_row, fill_sigma, measure
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_surface import along_surface
+from moire_sensor.median import median
 from moire_sensor.phase_carrier import Carrier, Float32
 from moire_sensor.phase_image import PhaseImage
 from moire_sensor.projector_map import ProjectorMap
@@ -25,7 +26,7 @@ from moire_sensor.settings import Settings
 
 # Two rounds settle what has no texture, but for 1 % of the pixels, beside edges. Where more still move far, texture has
 # misled the phases, and there are more rounds.
-ROUNDS, ROUNDS_ON_TEXTURE = 2, 5
+ROUNDS_ON_TEXTURE = 5
 MOVING_SHARE = 0.014
 # What a window needs to measure: squared slopes that place it to a tenth of a pixel.
 SURE_PX = 0.1
@@ -51,15 +52,34 @@ def right_as_left(right: Float32, disparity_px: Float32, phases: tuple[PhaseImag
     It lasts until the next call in this thread.
     """
     every = max(1, right.shape[0] // SAMPLE_ROWS)
-    rows, columns = np.nonzero(np.isfinite(disparity_px[every // 2 :: every, ::SAMPLE_PX]))
-    rows, columns = every // 2 + every * rows, SAMPLE_PX * columns
-    if rows.size < FEWEST:
+    pairs = np.empty((4, disparity_px[every // 2 :: every, ::SAMPLE_PX].size), dtype=np.float32)
+    count = fill_pairs(
+        disparity_px, *(image for one in phases for image in (one.amplitude, one.background)), every, pairs
+    )
+    if count < FEWEST:
         return right
-    seen = np.clip(np.rint(columns - disparity_px[rows, columns]), 0, right.shape[1] - 1).astype(np.int64)
-    left_phase, right_phase = phases
-    gain = np.median(left_phase.amplitude[rows, columns] / np.maximum(right_phase.amplitude[rows, seen], 1.0))
-    shift = np.median(left_phase.background[rows, columns] - gain * right_phase.background[rows, seen])
+    left_amplitude, left_background, right_amplitude, right_background = pairs[:, :count]
+    gain = median(left_amplitude / np.maximum(right_amplitude, np.float32(1.0)))
+    shift = median(left_background - gain * right_background)
     return np.asarray(cv2.addWeighted(right, float(gain), right, 0.0, float(shift), dst=Room.of(right.shape).right))
+
+
+@njit(error_model="numpy", cache=True)
+def fill_pairs(  # type: ignore[no-untyped-def]
+    disparity, left_amplitude, left_background, right_amplitude, right_background, every, pairs
+):
+    """Fill ``pairs`` (4, n) with what both views show at matched samples, the four images in order; return how many."""
+    height, width = disparity.shape
+    count = 0
+    for y in range(every // 2, height, every):
+        for x in range(0, width, SAMPLE_PX):
+            if np.isnan(disparity[y, x]):
+                continue
+            seen = int(min(max(np.rint(x - disparity[y, x]), 0.0), width - 1.0))
+            pairs[0, count], pairs[1, count] = left_amplitude[y, x], left_background[y, x]
+            pairs[2, count], pairs[3, count] = right_amplitude[y, seen], right_background[y, seen]
+            count += 1
+    return count
 
 
 def match_greys(
@@ -97,7 +117,7 @@ def typical_noise(apart: Float32) -> np.float32:
     """Standard deviation of the differences (H, W) by their median magnitude, which sharp steps do not change."""
     some = apart[::NOISE_SAMPLE_PX, ::NOISE_SAMPLE_PX]
     some = some[some > 0.0]
-    return np.float32(np.median(some) / MEDIAN_SIGMAS if some.size else np.inf)
+    return np.float32(median(some) / MEDIAN_SIGMAS if some.size else np.inf)
 
 
 def add_moves(sigma_px: Float32, moves_px: Float32, half_width: int, half_height: int) -> None:

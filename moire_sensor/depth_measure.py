@@ -14,7 +14,9 @@ from moire_sensor.phase_sums import ONE, ZERO, sum_along
 
 # Rows of half a window above and below a band are compared twice: few bands, but enough for four threads.
 BAND_ROWS = 120
-FAR_STEP_PX, LARGEST_STEP_PX = np.float32(0.2), np.float32(0.7)
+# A step is far beyond so many pixels, or beyond that share of a fringe where fringes are wider than usual: what shading
+# puts into a phase is so much wider there.
+FAR_STEP_PX, USUAL_COLUMNS, LARGEST_STEP_PX = np.float32(0.2), np.float32(17.0), np.float32(0.7)
 # Pixels that differ by more than this share of the fringe amplitude, noise apart, do not show one point.
 FOREIGN_SHARE = np.float32(0.35)
 # Standard deviation by mean magnitude, of a normal distribution.
@@ -64,7 +66,7 @@ def measure_band(  # type: ignore[no-untyped-def]
     powers, mets = rings[0], rings[1]
     down = np.zeros((2, width + 2 * columns), dtype=np.float32)
     room = np.empty((4, width + 2 * columns), dtype=np.float32)
-    far = 0
+    far, far_step = 0, FAR_STEP_PX * max(np.float32(columns) / USUAL_COLUMNS, ONE)
     for y in range(start, last + half_height):
         if y < height:
             slot = y % powers.shape[0]
@@ -79,7 +81,7 @@ def measure_band(  # type: ignore[no-untyped-def]
         if at >= first:
             sum_along(down[0], columns, room[:2], power[at])
             sum_along(down[1], columns, room[:2], room[2, :width])
-            far += move_row(disparity[at], power[at], room[2, :width], enough, found[at])
+            far += move_row(disparity[at], power[at], room[2, :width], enough, far_step, found[at])
         if old >= start:
             slot = old % powers.shape[0]
             change(powers[slot], mets[slot], -ONE, down[0][columns // 2 :], down[1][columns // 2 :])
@@ -130,7 +132,7 @@ def compare_row(left, right, disparity, amplitude, noise, power, met, apart):  #
 
 
 @njit(**LEAF)
-def move_row(disparity, power, met, enough, moved):  # type: ignore[no-untyped-def]
+def move_row(disparity, power, met, enough, far_step, moved):  # type: ignore[no-untyped-def]
     """Fill the disparities of a row that remove the differences of its windows; return how many of them move far."""
     far = np.int32(0)
     for x in range(disparity.size):
@@ -138,7 +140,7 @@ def move_row(disparity, power, met, enough, moved):  # type: ignore[no-untyped-d
         step = min(max(step, -LARGEST_STEP_PX), LARGEST_STEP_PX)
         step = step if power[x] > enough else np.float32(0.0)
         moved[x] = disparity[x] + step
-        far += np.int32((abs(step) > FAR_STEP_PX) & (disparity[x] == disparity[x]))
+        far += np.int32((abs(step) > far_step) & (disparity[x] == disparity[x]))
     return far
 
 

@@ -13,8 +13,10 @@ from numba import njit, prange
 
 from moire_sensor.angles import wrap
 from moire_sensor.apart import BARE, NAN_SAFE
+from moire_sensor.depth_claims import claim_nearest
 from moire_sensor.depth_narrow import STEP_PX
 from moire_sensor.depth_refine import Match
+from moire_sensor.depth_runs import TASKS, list_edges, marks_for
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.projector_map import ProjectorMap, phase_of_disparity
 from moire_sensor.settings import Settings
@@ -49,45 +51,55 @@ def drop_phantoms(
 def drop_of_rows(disparity, left, right, amplitude, map_, noise):  # type: ignore[no-untyped-def]
     """Kernel of :func:`drop_phantoms`: runs of a row one by one."""
     height, width = disparity.shape
-    for row in prange(height):
-        y = np.int64(row)
-        line = disparity[y]
-        starts, ends = np.empty(width, dtype=np.int64), np.empty(width, dtype=np.int64)
-        count = find_runs(line, starts, ends)
-        nearest = np.full(width, NOTHING, dtype=np.float32)
-        claimed = False
-        for run in range(count):
-            if ends[run] - starts[run] > MOST_PX:
-                continue
-            for other in (run - 1, run + 1):
-                if not 0 <= other < count or not may_hide(line, starts, ends, run, other):
-                    continue
-                far, near = (ends[other] - 1, starts[run]) if other < run else (starts[other], ends[run] - 1)
-                if not runs_on(map_, line, y, starts[run], ends[run], line[far]):
-                    continue
-                if not claimed:
-                    fill_nearest(line, nearest)
-                    claimed = True
-                views = left[y], right[y], amplitude[y, near]
-                if is_explained(views, nearest, starts[run], ends[run], line[far], noise):
-                    line[starts[run] : ends[run]] = np.float32(np.nan)
-                    break
+    for task in prange(TASKS):
+        marks, edges = marks_for(width), np.empty(width + 1, dtype=np.int32)
+        starts, ends = np.empty((2, width), dtype=np.int64)
+        nearest = np.empty(width, dtype=np.float32)
+        for y in range(np.int64(task), height, TASKS):
+            line = disparity[y]
+            count = find_runs(line, edges, list_edges(line, STEP_PX, marks, edges), starts, ends)
+            views = left[y], right[y], amplitude[y]
+            drop_of_row(line, views, map_, y, noise, starts[:count], ends[:count], nearest)
 
 
 @njit(**BARE)
-def find_runs(line, starts, ends):  # type: ignore[no-untyped-def]
-    """Fill the first columns of runs without holes and steps, and the columns behind them; return how many."""
-    count, x = 0, 0
-    while x < line.size:
-        if np.isnan(line[x]):
-            x += 1
+def drop_of_row(line, views, map_, y, noise, starts, ends, nearest):  # type: ignore[no-untyped-def]
+    """Set the phantoms among the runs of a row to NaN; ``nearest`` (W,) is memory for what the right row shows."""
+    claimed = False
+    for run in range(starts.size):
+        if ends[run] - starts[run] > MOST_PX:
             continue
-        starts[count] = x
-        x += 1
-        while x < line.size and abs(line[x] - line[x - 1]) < STEP_PX:
-            x += 1
-        ends[count] = x
-        count += 1
+        for other in (run - 1, run + 1):
+            if not 0 <= other < starts.size or not may_hide(line, starts, ends, run, other):
+                continue
+            far, near = (ends[other] - 1, starts[run]) if other < run else (starts[other], ends[run] - 1)
+            if not runs_on(map_, line, y, starts[run], ends[run], line[far]):
+                continue
+            if not claimed:
+                fill_nearest(line, nearest)
+                claimed = True
+            if is_explained(views, near, nearest, starts[run], ends[run], line[far], noise):
+                for x in range(starts[run], ends[run]):
+                    line[x] = np.float32(np.nan)
+                break
+
+
+@njit(**BARE)
+def fill_nearest(line, nearest):  # type: ignore[no-untyped-def]
+    """Fill what the right row shows, ``NOTHING`` where nobody knows."""
+    for x in range(nearest.size):
+        nearest[x] = NOTHING
+    claim_nearest(line, nearest)
+
+
+@njit(**BARE)
+def find_runs(line, edges, edge_count, starts, ends):  # type: ignore[no-untyped-def]
+    """Fill the first columns of runs without holes and steps, and the columns behind them; return how many."""
+    count = 0
+    for number in range(edge_count):
+        if line[edges[number]] == line[edges[number]]:
+            starts[count], ends[count] = edges[number], edges[number + 1]
+            count += 1
     return count
 
 
@@ -112,20 +124,12 @@ def runs_on(map_, line, y, start, end, far):  # type: ignore[no-untyped-def]
 
 
 @njit(**BARE)
-def fill_nearest(line, nearest):  # type: ignore[no-untyped-def]
-    """Fill the disparity of the nearest surface that each right pixel of a row shows."""
-    for x in range(line.size):
-        if np.isnan(line[x]):
-            continue
-        column = int(np.floor(np.float32(x) - line[x] + np.float32(0.5)))
-        if 0 <= column < line.size:
-            nearest[column] = max(nearest[column], line[x])
+def is_explained(views, near, nearest, start, end, far, noise):  # type: ignore[no-untyped-def]
+    """Whether most of a run could be the far surface: seen alike on the right, hidden by something nearer, outside.
 
-
-@njit(**BARE)
-def is_explained(views, nearest, start, end, far, noise):  # type: ignore[no-untyped-def]
-    """Whether most of a run could be the far surface: seen alike on the right, hidden by something nearer, outside."""
-    left, right, bright = views
+    Its amplitude is that of column ``near``.
+    """
+    left, right, bright = views[0], views[1], views[2][near]
     alike = noise + SHADING_SHARE * bright if noise < TELLING_SHARE * bright else np.float32(0.0)
     hidden, seen_alike = 0, 0
     for x in range(start, end):

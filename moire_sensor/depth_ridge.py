@@ -12,6 +12,8 @@ from numba import njit, prange
 from moire_sensor.apart import BARE, NAN_SAFE
 from moire_sensor.depth_offer import LARGEST_MOVE_PX
 from moire_sensor.depth_refine import Match
+from moire_sensor.depth_runs import TASKS, list_edges, marks_for
+from moire_sensor.depth_window import level_and_slope
 from moire_sensor.phase_carrier import Float32
 
 # A ridge shows as a break of so much between neighbours, or as a hole of at most so many pixels.
@@ -47,20 +49,19 @@ def sharpen_rows(left, right, amplitude, disparity, sigma, signed, mismatch):  #
     """Kernel of :func:`sharpen`."""
     height, width = disparity.shape
     reach = DOUBT_PX + LINE_PX
-    for row in prange(height):
-        y = np.int64(row)
-        line = disparity[y].copy()
-        before = reach - 1
-        while before + 1 + reach <= width:
-            after = before + 1
-            if abs(line[after] - line[before]) <= BREAK_PX or np.isnan(line[before]):
-                before = after
-                continue
-            while after < width and np.isnan(line[after]):
-                after += 1
-            if after - before <= HOLE_PX and after + reach <= width:
-                mend(left, right, amplitude, y, line, before, after, disparity, sigma, signed, mismatch)
-            before = after
+    for task in prange(TASKS):
+        marks, edges = marks_for(width), np.empty(width + 1, dtype=np.int32)
+        line = np.empty(width, dtype=np.float32)
+        for y in range(np.int64(task), height, TASKS):
+            line[:] = disparity[y]
+            count = list_edges(line, BREAK_PX, marks, edges)
+            for number in range(1, count):
+                before, after = edges[number] - 1, edges[number]
+                if np.isnan(line[before]):
+                    continue
+                after = edges[number + 1] if np.isnan(line[after]) else after
+                if before + 1 >= reach and after - before <= HOLE_PX and after + reach <= width:
+                    mend(left, right, amplitude, y, line, before, after, disparity, sigma, signed, mismatch)
 
 
 @njit(**BARE)
@@ -137,12 +138,8 @@ def normal_equations(left, right, y, first, end, middle, value, slope):  # type:
             column = np.float32(x) - value - slope * away
             if not (np.float32(1.0) <= column < np.float32(width - 2)):
                 continue
-            base = np.uint64(column)
-            part = column - np.float32(base)
-            before, near = right[row, base - np.uint64(1)], right[row, base]
-            far, after = right[row, base + np.uint64(1)], right[row, base + np.uint64(2)]
-            grade = np.float32(0.5) * (far - before + part * (after - near - far + before))
-            difference = near + part * (far - near) - left[row, x]
+            level, grade = level_and_slope(right, row, column)
+            difference = level - left[row, x]
             one += grade * grade
             along += grade * grade * away
             square += grade * grade * away * away

@@ -12,8 +12,10 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.apart import BARE, NAN_SAFE
+from moire_sensor.depth_claims import claim_nearest
 from moire_sensor.depth_narrow import STEP_PX
 from moire_sensor.depth_refine import Match
+from moire_sensor.depth_runs import WORD, list_marked, marks_for
 from moire_sensor.depth_seek_chain import (
     APART,
     HIGHEST,
@@ -25,7 +27,7 @@ from moire_sensor.depth_seek_chain import (
 )
 from moire_sensor.depth_seek_fit import HALF_PX, PIECE_PX, ZERO, fill_differences, least_between
 from moire_sensor.depth_seek_light import are_cosines, limits_of
-from moire_sensor.depth_seek_row import fill_claims, fill_left_over, fill_mean, fill_sides, fill_sure, is_bright, lower
+from moire_sensor.depth_seek_row import fill_left_over, fill_mean, fill_sides, fill_sure, is_bright, lower
 from moire_sensor.depth_seek_spread import MEAN_PX, ROWS_PX, close_holes, reach_out, write
 from moire_sensor.order_range import OrderRange
 from moire_sensor.phase_carrier import Float32
@@ -45,8 +47,8 @@ def seek(
     orders: OrderRange,
     half_width_px: int,
     settings: Settings,
-) -> None:
-    """Write the disparities of what is found into the match, in place.
+) -> bool:
+    """Write the disparities of what is found into the match, in place; return whether anything was found in a row.
 
     Parameters
     ----------
@@ -59,12 +61,13 @@ def seek(
     height, width = match.disparity_px.shape
     limits = limits_of(light, orders, settings)
     if height < MEAN_PX + ROWS_PX or half_width_px > PIECE_PX + 1 or limits is None:
-        return
+        return False
     if not are_cosines(match.disparity_px, greys, projector, limits):
-        return
+        return False
     found = np.empty(((height - MEAN_PX) // ROWS_PX + 1, width), dtype=np.float32)
     seek_rows(match.disparity_px, *greys, projector.packed(), limits, 2 * half_width_px + 1, found)
     write(found, *match.images())
+    return bool(np.isfinite(found).any())
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, error_model="numpy", cache=True)
@@ -78,7 +81,8 @@ def seek_rows(disparity, left, right, map_, limits, least_px, found):  # type: i
         room, places = np.empty((9, width), dtype=np.float32), np.empty(width, dtype=np.int64)
         sure, claims = room[2], room[5]
         fill_sure(disparity[y], least_px, sure)
-        fill_claims(sure, claims)
+        claims[:] = np.float32(np.nan)
+        claim_nearest(sure, claims)
         fill_sides(claims, room[6], room[7])
         over = fill_left_over(sure, claims, room[6], room[7], places)
         if over == 0:
@@ -101,22 +105,21 @@ def seek_row(rows, places, map_, limits, least_px, y, best, line):  # type: igno
     most = KEPT * line.size
     disparities, chain_of = np.empty(most, dtype=np.float32), np.empty(most, dtype=np.int64)
     chains, begins = np.empty((3, most), dtype=np.float32), np.empty(places.size + 1, dtype=np.int64)
-    apart = np.empty(int(limits[HIGHEST] - limits[LOWEST]) + 3, dtype=np.float32)
-    marked = np.empty(apart.size, dtype=np.uint8)
+    reach = int(limits[HIGHEST] - limits[LOWEST]) + 3
+    apart, lows = np.empty(reach, dtype=np.float32), np.empty(reach, dtype=np.int64)
+    marks = marks_for(reach + WORD)
     count, chain_count = 0, 0
     for number in range(places.size):
         column = places[number]
         begins[number] = count
         beside = number > 0 and column - places[number - 1] == 1
         begin, end = (begins[number - 1] if beside else count), count
-        lowest, size = compare(rows, column, limits, least_px, apart, marked)
-        for i in range(1, size - 1):
-            if not marked[i]:
-                continue
-            aside, least = least_between(apart, i)
-            if least > limits[APART] or count == most:
-                continue
-            disparity = np.float32(lowest + i) + aside
+        lowest, size = compare(rows, column, limits, least_px, apart, marks)
+        low_count = list_marked(marks[: size // WORD * WORD + WORD], lows) if size > 0 else 0
+        for i in lows[:low_count]:
+            if count == most:
+                break
+            disparity = np.float32(lowest + i) + least_between(apart, i)
             weight, wall = weight_of(rows, map_, limits, y, column, column + lowest + i, disparity)
             if weight > ZERO:
                 chain = chained(disparity, weight, wall, begin, end, disparities, chain_of, chains, chain_count)
@@ -127,14 +130,14 @@ def seek_row(rows, places, map_, limits, least_px, y, best, line):  # type: igno
     return keep_chosen(places, begins, disparities, chain_of, chains, best, line)
 
 
-@njit(fastmath=NAN_SAFE, error_model="numpy")
-def compare(rows, column, limits, least_px, apart, marked):  # type: ignore[no-untyped-def]
+@njit(**BARE)
+def compare(rows, column, limits, least_px, apart, marks):  # type: ignore[no-untyped-def]
     """Compare a lit right pixel with the left view at all disparities of the range that are not behind the wall.
 
     Returns
     -------
-    The first disparity and how many there are, 0 for none; ``apart`` and ``marked`` hold their differences and where
-    these are least.
+    The first disparity and how many there are, 0 for none; ``apart`` and ``marks`` hold their differences and where
+    these are least, and small enough. Marks beyond them are zero for a word.
     """
     left, right = rows[0], rows[1]
     if not is_bright(right, column, least_px // 2, limits[LIGHT]):
@@ -147,9 +150,11 @@ def compare(rows, column, limits, least_px, apart, marked):  # type: ignore[no-u
         return 0, 0
     start = column + lowest - HALF_PX
     fill_differences(
-        left[start : start + size + PIECE_PX - 1], right[column - HALF_PX : column + HALF_PX + 1], apart[:size],
-        marked[:size],
+        left[start : start + size + PIECE_PX - 1], right[column - HALF_PX : column + HALF_PX + 1], limits[APART],
+        apart[:size], marks[:size],
     )  # fmt: skip
+    for beyond in range(size, size + WORD):
+        marks[beyond] = 0
     return lowest, size
 
 

@@ -24,10 +24,11 @@ NO_FIT = np.float32(9.0)
 
 
 @njit(**LEAF_FAST)
-def fill_differences(left, piece, apart, least):  # type: ignore[no-untyped-def]
+def fill_differences(left, piece, limit, apart, least):  # type: ignore[no-untyped-def]
     """Fill ``apart`` (n,) with the squared differences of ``piece`` and each piece of ``left`` (n + PIECE_PX - 1,).
 
-    ``least`` (n,) uint8 marks the inner ones that are less than those beside them.
+    ``least`` (n,) uint8 marks the inner ones that are less than those beside them, if the least between pixels is at
+    most ``limit`` (:func:`least_between`).
     """
     for i in range(apart.size):
         total = ZERO
@@ -37,15 +38,17 @@ def fill_differences(left, piece, apart, least):  # type: ignore[no-untyped-def]
         apart[i] = total
     least[0] = least[apart.size - 1] = 0
     for i in range(1, apart.size - 1):
-        least[i] = (apart[i] <= apart[i - 1]) & (apart[i] < apart[i + 1])
+        before, here, after = apart[i - 1], apart[i], apart[i + 1]
+        slope, bend = before - after, before - TWO * here + after
+        small = EIGHT * bend * (here - limit) <= slope * slope
+        least[i] = (here <= before) & (here < after) & small
 
 
 @njit(forceinline=True, **BARE)
 def least_between(apart, i):  # type: ignore[no-untyped-def]
-    """Place about i and value of the least squared difference, by a parabola, where i is marked."""
+    """Place of the least squared difference about i, where i is marked: that of a parabola through its neighbours."""
     before, here, after = apart[i - 1], apart[i], apart[i + 1]
-    slope, bend = before - after, before - TWO * here + after
-    return HALF * slope / bend, max(here - slope * slope / (EIGHT * bend), ZERO)
+    return HALF * (before - after) / (before - TWO * here + after)
 
 
 @njit(**BARE)

@@ -41,19 +41,6 @@ def fill_sure(disparity, least_px, sure):  # type: ignore[no-untyped-def]
 
 
 @njit(**BARE)
-def fill_claims(sure, claims):  # type: ignore[no-untyped-def]
-    """Fill the disparity of the nearest surface that each right pixel of a row shows, NaN where none."""
-    for column in range(claims.size):
-        claims[column] = np.float32(np.nan)
-    for x in range(sure.size):
-        if np.isnan(sure[x]):
-            continue
-        column = int(np.floor(np.float32(x) - sure[x] + np.float32(0.5)))
-        if 0 <= column < claims.size and not claims[column] > sure[x]:
-            claims[column] = sure[x]
-
-
-@njit(**BARE)
 def fill_sides(values, before, after):  # type: ignore[no-untyped-def]
     """Fill the nearest known value left and right of each pixel of a row, NaN where none."""
     last = np.float32(np.nan)

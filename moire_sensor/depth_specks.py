@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.apart import NAN_SAFE, ROW
+from moire_sensor.apart import BARE, NAN_SAFE
+from moire_sensor.depth_runs import TASKS, list_edges, marks_for
 from moire_sensor.phase_carrier import Float32
 
 SAME_SURFACE_PX = np.float32(1.0)
@@ -16,8 +17,6 @@ SAME_SURFACE_PX = np.float32(1.0)
 CONNECTED_PX = np.float32(1.125)
 # Rows whose runs one task unites: few, so that threads share them evenly, and their seams are quickly closed.
 BAND_ROWS = 30
-# Marks are looked for so many at a time.
-WORD = 8
 
 
 def drop_slivers(disparity_px: Float32, least_px: int) -> None:
@@ -38,8 +37,7 @@ def drop_specks(disparity_px: Float32, least_px: int) -> None:
     # Numbers of a row lie apart, so that of so much memory only a little is touched.
     edges, parents, pixels = np.empty((3, width + 1, height), dtype=np.int32)
     unite_bands(disparity_px, edges, parents, pixels)
-    for row in range(BAND_ROWS, height, BAND_ROWS):
-        unite_rows(disparity_px, row, edges, parents.ravel(), pixels.ravel())
+    unite_seams(disparity_px, edges, parents.ravel(), pixels.ravel())
     clear_small(disparity_px, least_px, edges, parents.ravel(), pixels.ravel())
 
 
@@ -47,13 +45,19 @@ def drop_specks(disparity_px: Float32, least_px: int) -> None:
 def clear_short_runs(disparity, least):  # type: ignore[no-untyped-def]
     """Kernel of :func:`drop_slivers`."""
     height, width = disparity.shape
-    for y in prange(height):
-        row = disparity[y]
-        marks, edges = np.zeros(width // WORD * WORD + WORD, dtype=np.uint8), np.empty(width + 1, dtype=np.int32)
-        count = list_edges(row, SAME_SURFACE_PX, marks, edges)
-        for run in range(count):
-            if edges[run + 1] - edges[run] < least:
-                row[edges[run] : edges[run + 1]] = np.float32(np.nan)
+    for task in prange(TASKS):
+        marks, edges = marks_for(width), np.empty(width + 1, dtype=np.int32)
+        for y in range(np.int64(task), height, TASKS):
+            clear_short(disparity[y], least, edges, list_edges(disparity[y], SAME_SURFACE_PX, marks, edges))
+
+
+@njit(**BARE)
+def clear_short(line, least, edges, count):  # type: ignore[no-untyped-def]
+    """Set to NaN the runs of a row of fewer than ``least`` pixels."""
+    for run in range(count):
+        if edges[run + 1] - edges[run] < least:
+            for x in range(edges[run], edges[run + 1]):
+                line[x] = np.float32(np.nan)
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
@@ -65,7 +69,7 @@ def unite_bands(disparity, edges, parents, pixels):  # type: ignore[no-untyped-d
     height, width = disparity.shape
     for band in prange((height + BAND_ROWS - 1) // BAND_ROWS):
         first = np.int64(band) * BAND_ROWS
-        marks = np.zeros(width // WORD * WORD + WORD, dtype=np.uint8)
+        marks = marks_for(width)
         for y in range(first, min(first + BAND_ROWS, height)):
             count = list_edges(disparity[y], CONNECTED_PX, marks, edges[:, y])
             for run in range(count):
@@ -75,36 +79,14 @@ def unite_bands(disparity, edges, parents, pixels):  # type: ignore[no-untyped-d
                 unite_rows(disparity, y, edges, parents.ravel(), pixels.ravel())
 
 
-@njit(fastmath=NAN_SAFE)
-def list_edges(line, limit, marks, edges):  # type: ignore[no-untyped-def]
-    """Fill the first columns of the runs and gaps of a row, and its length after the last; return how many.
-
-    Within a run neighbours lie at most ``limit`` pixels apart. ``marks`` is memory for W bytes, of whole words, and
-    zero beyond the row.
-    """
-    mark_edges(line, limit, marks)
-    words, count = marks.view(np.uint64), 0
-    for word in range(words.size):
-        if words[word] > 0:
-            for x in range(word * WORD, (word + 1) * WORD):
-                if marks[x]:
-                    edges[count] = x
-                    count += 1
-    edges[count] = line.size
-    return count
-
-
-@njit(**ROW)
-def mark_edges(line, limit, marks):  # type: ignore[no-untyped-def]
-    """Mark the pixels of a row that begin a run or a gap between runs."""
-    marks[0] = 1
-    for x in range(1, line.size):
-        here, before = line[x], line[x - 1]
-        known = (here == here) | (before == before)
-        marks[x] = known & (not abs(here - before) <= limit)
-
-
 @njit(fastmath=NAN_SAFE, cache=True)
+def unite_seams(disparity, edges, parents, pixels):  # type: ignore[no-untyped-def]
+    """Unite the runs that touch from band to band."""
+    for row in range(BAND_ROWS, disparity.shape[0], BAND_ROWS):
+        unite_rows(disparity, row, edges, parents, pixels)
+
+
+@njit(fastmath=NAN_SAFE)
 def unite_rows(disparity, y, edges, parents, pixels):  # type: ignore[no-untyped-def]
     """Unite the runs of row y with those of the row above that they touch."""
     height, width = disparity.shape

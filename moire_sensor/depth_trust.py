@@ -10,6 +10,7 @@ import numpy.typing as npt
 from numba import njit, prange
 
 from moire_sensor.apart import NAN_SAFE
+from moire_sensor.depth_claims import claim_both
 from moire_sensor.depth_offer import NO_CLAIM, RIM_PX
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.scratch import scratch
@@ -120,19 +121,7 @@ def step_away(trust, before, away):  # type: ignore[no-untyped-def]
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def fill_claims(disparity, trust, claim):  # type: ignore[no-untyped-def]
     """Fill ``claim`` (H, W): trusted pixels claim the two right pixels they fall between."""
-    height, width = disparity.shape
-    for row in prange(height):
+    for row in prange(disparity.shape[0]):
         y = np.int64(row)
-        claims, first = claim[y], NO_CLAIM
-        claims[:] = NO_CLAIM
-        for x in range(width):
-            if trust[y, x]:
-                value = disparity[y, x]
-                column = int(np.floor(np.float32(x) - value))
-                if 0 <= column < width:
-                    claims[column] = max(claims[column], value)
-                elif column == -1:
-                    first = max(first, value)
-        for column in range(width - 1, 0, -1):
-            claims[column] = max(claims[column], claims[column - 1])
-        claims[0] = max(claims[0], first)
+        claim[y, :] = NO_CLAIM
+        claim_both(disparity[y], trust[y], claim[y])

@@ -47,8 +47,9 @@ def patch_mismatch_rad(signed_mismatch_rad: Float32, disparity_px: Float32) -> t
     enough = count > MIN_PATCH_SHARE * PATCH_PX**2
     if not enough.any():
         return float("nan"), float("nan")
-    mean = np.abs(total[enough] / count[enough])
-    return float(np.percentile(mean, 75)), float(mean.max())
+    mean = np.sort(np.abs(total[enough] / count[enough]))
+    # As np.percentile, which takes longer than all else here.
+    return float(np.interp(0.75 * (mean.size - 1), np.arange(mean.size), mean)), float(mean[-1])
 
 
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
@@ -83,7 +84,7 @@ def orders_fail(
     """
     keep = np.isfinite(match.disparity_px[::SAMPLE_PX, ::SAMPLE_PX])
     kept = match.mismatch_rad[::SAMPLE_PX, ::SAMPLE_PX][keep]
-    if kept.size < MIN_SAMPLES or np.median(kept) < DOUBTFUL_RAD:
+    if kept.size < MIN_SAMPLES or 2 * np.count_nonzero(kept < DOUBTFUL_RAD) > kept.size:
         return False
     left_rad, right_rad = phases[0].offset_rad, phases[1].offset_rad
     rows = phases[0].rows

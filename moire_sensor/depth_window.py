@@ -13,8 +13,8 @@ from moire_sensor.apart import BARE, ROW
 # A small window counts from so many of its fifteen pixels on.
 LEAST_SEEN = 8
 MOST_SEEN = np.float32(15.0)
-# Windows reach so far from the pixel. On a level plane so many columns from there on, of which nine count, are compared
-# at once: a vector of the processor.
+# Windows reach so far from the pixel. On a gentle plane so many columns from there on, of which nine count, are
+# compared at once: a vector of the processor.
 REACH_PX, LANES = 4, 16
 # Columns of a row that is matched, and how many of them the right image must show.
 ROW_SPAN_PX = 10
@@ -151,6 +151,16 @@ def of_lanes(left, right, first, start, along):  # type: ignore[no-untyped-def]
     return met, power, squares
 
 
+@njit(forceinline=True, **BARE)
+def level_and_slope(image, y, column):  # type: ignore[no-untyped-def]
+    """Grey level of a row at a column that need not be whole, and its slope; two pixels lie on either side."""
+    base = np.uint64(column)
+    part = column - np.float32(base)
+    before, near = image[y, base - np.uint64(1)], image[y, base]
+    far, after = image[y, base + np.uint64(1)], image[y, base + np.uint64(2)]
+    return near + part * (far - near), HALF * (far - before + part * (after - near - far + before))
+
+
 @njit(**BARE)
 def of_row(left, right, y, first, start, step):  # type: ignore[no-untyped-def]
     """Sums of :func:`row_match` as far as both images show the row, and how many columns that is."""
@@ -160,12 +170,8 @@ def of_row(left, right, y, first, start, step):  # type: ignore[no-untyped-def]
         column = start + np.float32(number) * step
         at = first + number
         if 0 <= at < width and ONE <= column < np.float32(width - 2):
-            base = np.uint64(column)
-            part = column - np.float32(base)
-            before, near = right[y, base - np.uint64(1)], right[y, base]
-            far, after = right[y, base + np.uint64(1)], right[y, base + np.uint64(2)]
-            slope = HALF * (far - before + part * (after - near - far + before))
-            difference = left[y, at] - near - part * (far - near)
+            level, slope = level_and_slope(right, y, column)
+            difference = left[y, at] - level
             met += slope * difference
             power += slope * slope
             squares += difference * difference

@@ -52,7 +52,9 @@ def warm_up() -> None:
     voxel_means(cloud.reshape(-1, 4), depth_m.reshape(-1), trusted.reshape(-1), 1.0, 0.0)
 
 
-def obstacle_cloud(rig: StereoRig, cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
+def obstacle_cloud(
+    rig: StereoRig, cloud: Cloud, shot: Shot, nav: NavSettings, surface: Mask | None = None
+) -> Cloud:
     """Return (1, N, C) float32, one point a voxel: surfaces within range, without flying pixels.
 
     Parameters
@@ -61,12 +63,14 @@ def obstacle_cloud(rig: StereoRig, cloud: Cloud, shot: Shot, nav: NavSettings) -
     cloud : (H, W, C) float32, x y z in metres first, NaN where unknown.
     shot : the shot that the cloud is of.
     nav : thresholds.
+    surface : what :func:`supported` says of the shot's depth, where that is known already.
     """
+    surface = supported(shot.depth_m) if surface is None else surface
     share, trusted = np.empty(cloud.shape[:2], dtype=np.float32), np.empty(cloud.shape[:2], dtype=np.bool_)
     # Pixels that cover a facing square of a voxel's size 1 m away.
     facing_px = rig.fx_px * rig.fy_px * nav.nav_voxel_m**2
     limits = np.array([nav.nav_max_range_m, facing_px, nav.nav_min_confidence], dtype=np.float32)
-    weigh(cloud, supported(shot.depth_m), shot.confidence, limits, share, trusted)
+    weigh(cloud, surface, shot.confidence, limits, share, trusted)
     points = cloud.reshape(-1, cloud.shape[-1])
     return voxel_means(points, share.reshape(-1), trusted.reshape(-1), nav.nav_voxel_m, nav.nav_min_fill)
 
@@ -91,14 +95,15 @@ def distance(cloud, y, x):  # type: ignore[no-untyped-def]
     )
 
 
-def clearing_cloud(cloud: Cloud, shot: Shot, nav: NavSettings) -> Cloud:
+def clearing_cloud(cloud: Cloud, shot: Shot, nav: NavSettings, surface: Mask | None = None) -> Cloud:
     """Return (1, N, C) float32, ends of rays from the camera along which nothing stands; never obstacles.
 
     One ray for each block of pixels most of which are trusted: towards the nearest of them, ending one voxel before
     it or at the range, if that is nearer. Pixels without a depth clear nothing: to the sensor, black things look like
     open space. The parameters are those of :func:`obstacle_cloud`.
     """
-    return ray_ends(cloud, (shot.confidence >= nav.nav_min_confidence) & supported(shot.depth_m), nav)
+    surface = supported(shot.depth_m) if surface is None else surface
+    return ray_ends(cloud, (shot.confidence >= nav.nav_min_confidence) & surface, nav)
 
 
 def ray_ends(cloud: Cloud, trusted: Mask, nav: NavSettings) -> Cloud:

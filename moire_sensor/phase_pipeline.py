@@ -174,9 +174,8 @@ class PhasePipeline:
         drop_specks(match.disparity_px, self.settings.min_segment_px)
         if self._by_stereo:
             drop_phantoms(match, greys, seen.amplitude, self._projector, self.settings)
-            if way.single:
-                half_width = self._carriers[0].half_width_px
-                seek(match, greys, seen, self._projector, self._orders, half_width, self.settings)
+            half_width = self._carriers[0].half_width_px
+            if way.single and seek(match, greys, seen, self._projector, self._orders, half_width, self.settings):
                 # What was found may show that a strip beside it is a phantom.
                 drop_phantoms(match, greys, seen.amplitude, self._projector, self.settings)
             extend(match, greys, seen, self._projector, self._rad_per_px, self.settings)

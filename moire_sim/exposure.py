@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from statistics import NormalDist
 
 import cv2
 import numpy as np
@@ -11,6 +13,8 @@ import numpy.typing as npt
 from moire_sensor.pattern import FringePattern
 
 Image = npt.NDArray[np.float32]
+# As many as a number of 16 random bits can tell apart.
+QUANTILES = 1 << 16
 
 
 def projected_signal(
@@ -54,6 +58,23 @@ def exposed(
     """Add Gaussian noise of ``noise`` 8-bit grey levels and round to ``bits``, see :func:`quantised`."""
     noisy = image if noise <= 0.0 else image + noise * generator.standard_normal(image.shape, dtype=np.float32)
     return quantised(noisy, bits)
+
+
+@cache
+def normal_quantiles() -> Image:
+    """Middles of QUANTILES equally likely parts of the normal distribution, in order: deviation 1, none beyond 4.4."""
+    normal = NormalDist()
+    return np.array([normal.inv_cdf((part + 0.5) / QUANTILES) for part in range(QUANTILES)], dtype=np.float32)
+
+
+def quick_noise(levels: Image, shape: tuple[int, ...], generator: np.random.Generator) -> Image:
+    """Noise of any ``shape``: of the QUANTILES ``levels`` each as often as another, in a fifth of a normal draw's time.
+
+    ``levels`` : :func:`normal_quantiles` times the noise wanted.
+    """
+    count = math.prod(shape)
+    words = generator.bit_generator.random_raw(-(-count // 4))
+    return np.take(levels, words.view(np.uint16)[:count], mode="clip").reshape(shape)
 
 
 def quantised(image: Image, bits: int) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:

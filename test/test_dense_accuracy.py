@@ -25,7 +25,8 @@ from moire_sensor import Reconstructor, Settings, Shot, Status, StereoRig
 from moire_sensor.paper_rig import paper_pattern
 from moire_sim.analytic_scenes import analytic_capture, analytic_scene_names
 from moire_sim.capture import HeadCapture
-from moire_sim.score import disparity_error_px, near_edges, score
+from moire_sim.score import near_edges, score
+from tools.bench.confidence import error_by_sigma, trust_counts
 
 
 @dataclass(frozen=True)
@@ -89,14 +90,6 @@ def test_texture(name: str) -> None:
     check(dense_shot(name, texture=0.3), capture(name, texture=0.3), Limits(), 3.0)
 
 
-def normalised_error(shot: Shot, seen: HeadCapture) -> float:
-    """Robust ratio of the errors to their predicted sigma, away from edges; 1 where the prediction is right."""
-    away = seen.covisible & np.isfinite(shot.depth_m) & ~near_edges(seen)
-    ratio = np.abs(shot.depth_m - seen.depth_m)[away] / shot.depth_sigma_m[away]
-    # The median of |x| of a normal distribution is 0.6745 sigma.
-    return float(np.median(ratio)) / 0.6745
-
-
 @pytest.mark.parametrize(
     ("name", "options"),
     [
@@ -105,28 +98,19 @@ def normalised_error(shot: Shot, seen: HeadCapture) -> float:
     ],
 )
 def test_sigma_is_the_error_on_planes(name: str, options: dict[str, float]) -> None:
-    assert normalised_error(dense_shot(name, **options), capture(name, **options)) == pytest.approx(1.0, abs=0.2)
+    assert error_by_sigma(dense_shot(name, **options), capture(name, **options)) == pytest.approx(1.0, abs=0.2)
 
 
 def test_sigma_knows_texture_and_sharp_fringes() -> None:
     """Their errors are no noise; without their share, sigma was 1.7 to 2 times too small."""
-    textured = normalised_error(dense_shot("stairs", texture=0.3), capture("stairs", texture=0.3))
-    square = normalised_error(dense_shot("stairs", waveform="square"), capture("stairs", waveform="square"))
+    textured = error_by_sigma(dense_shot("stairs", texture=0.3), capture("stairs", texture=0.3))
+    square = error_by_sigma(dense_shot("stairs", waveform="square"), capture("stairs", waveform="square"))
     assert (textured, square) == pytest.approx((1.0, 1.0), abs=0.2)
-
-
-def trusted(name: str) -> tuple[int, int, int, int]:
-    """Pixels above 0.9, those of them that are off, right pixels, those of them above 0.9."""
-    shot, seen = dense_shot(name), capture(name)
-    known = np.isfinite(shot.depth_m)
-    right = known & (np.abs(disparity_error_px(shot.depth_m, seen)) <= 1.0)
-    sure = shot.confidence > 0.9
-    return int(sure.sum()), int((sure & ~right).sum()), int(right.sum()), int((sure & right).sum())
 
 
 def test_confidence_is_calibrated() -> None:
     """At most 0.05 % of the confident pixels are off, on the poles alone, too; 90 % of the right ones are confident."""
-    counts = {name: trusted(name) for name in analytic_scene_names()}
+    counts = {name: trust_counts(dense_shot(name), capture(name)) for name in analytic_scene_names()}
     for sure, off, _, _ in (counts["thin_poles"], np.sum(list(counts.values()), axis=0)):
         assert off <= 0.0005 * sure
     assert all(sure >= 0.9 * right for _, _, right, sure in counts.values())

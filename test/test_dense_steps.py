@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dense_rigs import capture, dense_shot, outside_rig, stepped_shot
-from test_dense_accuracy import normalised_error
 
 from moire_sensor import Reconstructor
 from moire_sensor.paper_rig import paper_pattern
@@ -22,6 +21,7 @@ from moire_sim.analytic_surfaces import Box, Relief
 from moire_sim.capture import HeadCapture
 from moire_sim.fringe_image import Light
 from moire_sim.score import score
+from tools.bench.confidence import error_by_sigma
 
 AIM_MM, AIM_OF_MEAN_MM, AMPLITUDE = 0.36, 0.15, 70.0
 # Amplitude of the fringes on surfaces that turn from the light; the floor, and so the aim, is inverse to it.
@@ -51,7 +51,7 @@ def test_four_steps_on_slopes_lit_as_brightly_as_boards(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["plane_600", "plane_1500", "tilt_0.5", "cylinder_and_box", "waves"])
 def test_sigma_is_the_error(name: str) -> None:
-    assert normalised_error(stepped_shot(name), capture(name, 4)) == pytest.approx(1.0, abs=0.2)
+    assert error_by_sigma(stepped_shot(name), capture(name, 4)) == pytest.approx(1.0, abs=0.2)
 
 
 @pytest.mark.parametrize("name", ["plane_600", "plane_1500", "cylinder_and_box"])
@@ -66,7 +66,7 @@ def test_mean_along_the_surface_is_quieter_and_mixes_nothing(name: str) -> None:
     assert found.median_error_mm_away <= AIM_OF_MEAN_MM
     assert found.outlier_share <= plain.outlier_share + 1e-4
     assert found.completeness == pytest.approx(plain.completeness, abs=2e-3)
-    assert normalised_error(shot, seen) == pytest.approx(1.0, abs=0.2)
+    assert error_by_sigma(shot, seen) == pytest.approx(1.0, abs=0.2)
 
 
 def test_gamma_cancels_between_the_cameras() -> None:
@@ -78,7 +78,7 @@ def test_gamma_cancels_between_the_cameras() -> None:
 def test_gamma_is_no_noise() -> None:
     """The second harmonic leaves four steps' phase alone, but not what the fit leaves over: it is told from noise."""
     seen, shot = capture("cylinder_and_box", 4, gamma=2.2), stepped_shot("cylinder_and_box", gamma=2.2)
-    assert normalised_error(shot, seen) == pytest.approx(1.0, abs=0.3)
+    assert error_by_sigma(shot, seen) == pytest.approx(1.0, abs=0.3)
     plain = stepped_shot("cylinder_and_box")
     assert np.mean(shot.confidence > 0.9) >= 0.98 * np.mean(plain.confidence > 0.9)
 

@@ -115,9 +115,10 @@ def window_sums(values: Array, columns: int, rows: int) -> Array:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, (rows, columns)).sum(axis=(2, 3)))
 
 
-def test_a_round_moves_disparities_as_the_slow_loop() -> None:
-    """Two bands of an image whose rows have nothing in common."""
-    shape, (columns, half_height), enough = (BAND_ROWS + 11, 40), (7, 3), np.float32(3e3)
+@pytest.mark.parametrize(("columns", "far_px", "enough"), [(7, 0.2, 3e3), (17, 0.2, 9e3), (25, 0.2 * 25 / 17, 1.5e4)])
+def test_a_round_moves_disparities_as_the_slow_loop(columns: int, far_px: float, enough: float) -> None:
+    """Two bands of an image whose rows have nothing in common; where fringes are wide, few steps are far."""
+    shape, half_height, enough = (BAND_ROWS + 11, 40), 3, np.float32(enough)
     left, right, disparity, amplitude = random_views(3, shape)
     apart, power, found = np.full((3, *shape), np.nan, dtype=np.float32)
     far = measure(
@@ -131,7 +132,7 @@ def test_a_round_moves_disparities_as_the_slow_loop() -> None:
     np.testing.assert_allclose(apart, products[2], atol=0.5)
     clear = np.abs(powers - enough) > 10.0
     np.testing.assert_allclose(found[clear], (disparity + step)[clear], atol=1e-3)
-    assert far == pytest.approx(np.count_nonzero((np.abs(step) > 0.2) & np.isfinite(disparity)), abs=5)
+    assert far == pytest.approx(np.count_nonzero((np.abs(step) > far_px) & np.isfinite(disparity)), abs=5)
     assert 0.2 < np.mean(powers > enough) < 0.9
     assert (np.abs(step) == LARGEST_STEP_PX).any()
 

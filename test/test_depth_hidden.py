@@ -64,3 +64,22 @@ def test_random_rows_are_those_of_the_slow_loop() -> None:
     expected = np.stack([slow_hidden(line) for line in lines])
     np.testing.assert_array_equal(np.isnan(found), np.isnan(lines) | expected)
     assert 0 < expected.sum() < 0.5 * expected.size
+
+
+def test_rows_of_slopes_posts_and_holes_are_those_of_the_slow_loop() -> None:
+    """Rows without anything hidden are skipped by their runs: runs of every length, slope and order."""
+    rng = np.random.default_rng(3)
+    lines = np.empty((60, WIDTH), dtype=np.float32)
+    for line in lines:
+        start = 0
+        while start < WIDTH:
+            end = start + int(rng.choice([1, 2, 3, 5, 8, 14, 40, 90]))
+            x = np.arange(start, min(end, WIDTH)) - start
+            line[start:end] = rng.choice([10.0, 11.0, 13.0, 30.0, 60.0]) + rng.choice([0.0, 0.1, -0.3, 0.9]) * x
+            start = end
+    lines[rng.uniform(size=lines.shape) < rng.choice([0.0, 0.05], size=(len(lines), 1))] = np.nan
+    found = lines.copy()
+    drop_hidden(found)
+    hidden = np.stack([slow_hidden(line) for line in lines])
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(lines) | hidden)
+    assert 0.2 < hidden.any(axis=1).mean() < 0.8

@@ -13,6 +13,7 @@ from moire_sensor import depth_seek_chain as chain
 from moire_sensor import depth_seek_fit as fit
 from moire_sensor import depth_seek_row as row
 from moire_sensor import depth_seek_spread as spread
+from moire_sensor.depth_claims import claim_nearest
 from moire_sensor.depth_narrow import STEP_PX
 
 MAP = PROJECTOR.packed()
@@ -47,17 +48,26 @@ def test_differences_and_their_least_ones() -> None:
     left, piece = np.float32(rng.uniform(0.0, 200.0, (2, 60)))
     piece = piece[: fit.PIECE_PX]
     apart, least = np.empty(60 - fit.PIECE_PX + 1, dtype=np.float32), np.empty(60 - fit.PIECE_PX + 1, dtype=np.uint8)
-    fit.fill_differences.py_func(left, piece, apart, least)
+    fit.fill_differences.py_func(left, piece, np.float32(np.inf), apart, least)
     expected = [np.sum((left[i : i + fit.PIECE_PX] - piece) ** 2) for i in range(apart.size)]
     np.testing.assert_allclose(apart, expected, rtol=1e-5)
     lows = [i for i in range(1, apart.size - 1) if apart[i] <= apart[i - 1] and apart[i] < apart[i + 1]]
     assert np.flatnonzero(least).tolist() == lows
+    limit = np.float32(np.mean(sorted(parabola(apart, i)[1] for i in lows)[4:6]))
+    fit.fill_differences.py_func(left, piece, limit, apart, least)
+    assert np.flatnonzero(least).tolist() == [i for i in lows if parabola(apart, i)[1] <= limit]
+
+
+def parabola(values: Float32, i: int) -> tuple[float, float]:
+    """Place about i and value of the lowest point of the parabola through three values."""
+    square, slope, value = np.polyfit([-1.0, 0.0, 1.0], values[i - 1 : i + 2].astype(float), 2)
+    return -slope / (2.0 * square), value - slope**2 / (4.0 * square)
 
 
 def test_the_least_difference_is_a_parabolas() -> None:
-    aside, least = fit.least_between.py_func(np.array([(i - 2.3) ** 2 + 5.0 for i in range(5)], dtype=np.float32), 2)
-    assert aside == pytest.approx(0.3, abs=1e-4)
-    assert least == pytest.approx(5.0, abs=1e-4)
+    values = np.array([(i - 2.3) ** 2 + 5.0 for i in range(5)], dtype=np.float32)
+    assert fit.least_between.py_func(values, 2) == pytest.approx(0.3, abs=1e-4)
+    assert parabola(values, 2) == pytest.approx((0.3, 5.0), abs=1e-4)
 
 
 @pytest.mark.parametrize("offset_px", [0.0, 0.4, 3.0])
@@ -119,7 +129,8 @@ def test_what_nobody_explains_is_that_of_the_slow_loop(seed: int) -> None:
     line = random_row(seed)
     sure, claims, before, after = np.empty((4, WIDTH), dtype=np.float32)
     row.fill_sure.py_func(line, 12, sure)
-    row.fill_claims.py_func(sure, claims)
+    claims[:] = NAN
+    claim_nearest.py_func(sure, claims)
     row.fill_sides.py_func(claims, before, after)
     breaks = [0, *(x for x in range(1, WIDTH) if not abs(line[x] - line[x - 1]) < STEP_PX), WIDTH]
     slow_sure, slow_claims = np.full((2, WIDTH), NAN)

@@ -19,7 +19,7 @@ from moire_sensor.nav_cloud import (
 )
 from moire_sensor.paper_rig import paper_rig
 from moire_sensor.shot import Shot
-from moire_sensor.voxels import voxel_means
+from moire_sensor.voxels import STRETCH, voxel_means
 
 Depth = np.ndarray[Any, np.dtype[np.float32]]
 WALL_M, BOX_M = 1.8, 1.0
@@ -62,13 +62,19 @@ def box_before_wall() -> Depth:
 
 
 @pytest.mark.parametrize("voxel_m", [0.05, 0.0007])
-def test_voxels_equal_the_obvious_way(voxel_m: float) -> None:
+@pytest.mark.parametrize("channels", [3, 4])
+def test_voxels_equal_the_obvious_way(voxel_m: float, channels: int) -> None:
+    """Runs of one to four points, some across the border of two stretches, with unknown points between."""
     rng = np.random.default_rng(1)
-    points = rng.uniform(-0.5, 0.5, (2000, 4)).astype(np.float32)
+    points = rng.uniform(-0.5, 0.5, (1000, channels)).astype(np.float32)
     points[:, :3] = np.round(points[:, :3], 1)
-    kept = voxel_means(points, np.full(2000, 0.5), np.ones(2000, dtype=bool), voxel_m, 1.0)
+    points = np.repeat(points, rng.integers(1, 5, len(points)), axis=0)
+    points[rng.random(len(points)) < 0.1] = np.nan
+    share = np.where(np.isfinite(points).all(axis=1), 0.5, 0.0)
+    assert len(points) > 2 * STRETCH
+    kept = voxel_means(points, share, np.ones(len(points), dtype=bool), voxel_m, 1.0)
     expected = slow_voxels(points, voxel_m, 2)
-    assert kept.shape == (1, len(expected), 4)
+    assert kept.shape == (1, len(expected), channels)
     assert np.isfinite(kept).all()
     order = np.lexsort(np.round(kept[0, :, :3], 3).T)
     wanted = np.array(list(expected.values()))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
@@ -22,6 +23,7 @@ from moire_sensor import FringePattern, Reconstructor, Shot
 from moire_sensor.paper_rig import PROJECTOR_SIZE, paper_pattern
 from moire_sensor.ros.camera_messages import camera_infos
 from moire_sensor.ros.projector_state import DEPTH_RANGE
+from moire_sensor.ros.qos import latched_qos
 from moire_sim.analytic_scenes import analytic_capture
 from moire_sim.score import score_depth
 
@@ -278,6 +280,16 @@ def test_a_publisher_of_incompatible_quality_is_named_while_it_is_there(head: Te
     head.node.destroy_publisher(publisher)
     head.wait(lambda: not named(), "its end")
     head.answer(DEPTH, head.send(Exposure.of(capture())))
+
+
+def test_a_subscriber_of_incompatible_quality_is_named_in_the_log(head: TestHead) -> None:
+    said: list[str] = []
+    log = head.node.create_subscription(Log, "/rosout", lambda entry: said.append(entry.msg), latched_qos())
+    deaf = head.node.create_subscription(Image, "depth/sigma", lambda _: None, latched_qos())
+    head.wait(lambda: any("/head/depth/sigma" in text and "gets nothing" in text for text in said), "the warning")
+    head.node.destroy_subscription(deaf)
+    head.node.destroy_subscription(log)
+    head.answer("depth/sigma", head.send(Exposure.of(capture())))
 
 
 def test_sets_are_accounted_for(head: TestHead) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import subprocess
 import sys
 from functools import cache
@@ -19,6 +20,7 @@ from moire_sensor.rig import StereoRig
 from moire_sim import HeadCapture, HeadOptions, Light, SceneError, VirtualHead, indoor_names, scene_names
 from moire_sim.analytic_scenes import SCENES, analytic_capture
 from moire_sim.analytic_surfaces import Box, Cylinder, Relief, Surface
+from moire_sim.exposure import noise_generator, normal_quantiles, quick_noise
 from moire_sim.scenes import scene_bodies
 from moire_sim.score import near_edges
 
@@ -234,6 +236,20 @@ def test_every_scene_is_a_fair_task(scene: str) -> None:
     assert capture.covisible.mean() > (0.05 if indoor else 0.7)
     assert not np.any(capture.covisible & ~capture.lit)
     assert max(capture.left.max(), capture.right.max()) < 250
+
+
+def test_noise_is_normal_and_of_every_pixel_camera_and_exposure_its_own() -> None:
+    """Moments within five standard errors of the normal distribution's; one table serves, whatever is drawn from it."""
+    assert np.array_equal(normal_quantiles(), -normal_quantiles()[::-1])
+    shape = (480, 640)
+    draws = [quick_noise(normal_quantiles(), shape, noise_generator(*key)) for key in ((0, 1, 0), (0, 1, 1), (0, 2, 0))]
+    error = 5.0 / math.sqrt(math.prod(shape))
+    for noise in draws:
+        # Standard errors of the moments of n normal numbers: sqrt of 1, 2, 15 and 96 over n.
+        for power, expected, spread in ((1, 0.0, 1.0), (2, 1.0, 2.0), (3, 0.0, 15.0), (4, 3.0, 96.0)):
+            assert abs((noise.astype(float) ** power).mean() - expected) < error * math.sqrt(spread)
+        for other in (np.roll(noise, 1, 0), np.roll(noise, 1, 1), *(one for one in draws if one is not noise)):
+            assert abs((noise * other).mean()) < error
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from moire_sensor.ros.parameters import ParameterSpec, declare
 from moire_sensor.ros.projector_state import state_of_exposure
 from moire_sensor.ros.qos import RELIABLE_INPUT_DEPTH
 from moire_sim import HeadOptions, VirtualHead
-from tools.bench.speed import scaled_projector, scaled_rig
+from tools.bench.speed import scaled_projector, scaled_rig, size_at
 
 # Exposures that differ by their noise, shown in turn.
 PICTURES = 8
@@ -55,7 +55,7 @@ class StillHead(Node):  # type: ignore[misc]
         self._exposures: int = values["exposures"]
         self._ahead: int = values["ahead"]
         self._sent = self._results = 0
-        self._head = HeadPublisher(self, scaled_rig(scale), scaled_projector(scale))
+        self._head = HeadPublisher(self, scaled_rig(size_at(scale)), scaled_projector(size_at(scale)))
         # The smallest message of a result.
         self.create_subscription(CameraInfo, "depth/camera_info", self._on_result, ACKNOWLEDGED)
         self._follows_results: bool = not values["rate_hz"]
@@ -89,8 +89,8 @@ class StillHead(Node):  # type: ignore[misc]
 
 def pictures(scene: str, scale: float) -> list[tuple[GreyImage, GreyImage]]:
     """Return left and right image (H, W) of some exposures of a scene."""
-    options = HeadOptions(projector_size=scaled_projector(scale))
-    with VirtualHead(scene, rig=scaled_rig(scale), options=options) as head:
+    options = HeadOptions(projector_size=scaled_projector(size_at(scale)))
+    with VirtualHead(scene, rig=scaled_rig(size_at(scale)), options=options) as head:
         return [head.expose(paper_pattern(), 0, number) for number in range(PICTURES)]
 
 

@@ -8,7 +8,9 @@ from functools import partial
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSCompatibility, QoSDurabilityPolicy, QoSProfile, qos_check_compatible
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo, Image
 
 from moire_sensor.ros.head_sets import INFO_TOPICS, STREAM_TOPICS, HeadSets, Taker, stamp_ns
@@ -17,6 +19,9 @@ from moire_sensor.ros.qos import input_qos, latched_qos, overridable
 from moire_sensor.ros.silence import SilenceWatch
 
 LATCHED = QoSDurabilityPolicy.TRANSIENT_LOCAL
+# A serialised message begins with four bytes about itself and its stamp.
+STAMP_END = 12
+RMWError = rclpy_implementation.RMWError
 Handler = Callable[[Any], None]
 Refuser = Callable[[str, str], None]
 
@@ -36,11 +41,12 @@ class HeadInputs:
         self._silence = SilenceWatch(STREAM_TOPICS)
         self._first_s: float | None = None
         self._incompatible: dict[str, tuple[str, QoSProfile]] = {}
+        self._infos: dict[str, bytes] = {}
         # Infos first: of messages that wait together, the executor handles the earlier subscription's first.
         for device, topic in INFO_TOPICS.items():
-            callback = partial(self.sets.add_info, device)
+            callback = partial(self._take_info, device)
             matched = self._latched_listener(node, topic, callback)
-            self._subscribe(node, CameraInfo, topic, input_qos(reliable), callback, matched)
+            self._subscribe(node, CameraInfo, topic, input_qos(reliable), callback, matched, raw=True)
         for stream, (topic, kind) in STREAM_TOPICS.items():
             self._subscribe(node, kind, topic, input_qos(reliable), self._stream_callback(stream))
 
@@ -79,7 +85,14 @@ class HeadInputs:
         self._subscriptions.clear()
 
     def _subscribe(
-        self, node: Any, kind: Any, topic: str, qos: Any, callback: Handler, matched: Handler | None = None
+        self,
+        node: Any,
+        kind: Any,
+        topic: str,
+        qos: Any,
+        callback: Handler,
+        matched: Handler | None = None,
+        raw: bool = False,
     ) -> None:
         def report(event: Any) -> None:
             policy = event.last_policy_kind.name.lower().removeprefix("rmw_qos_policy_")
@@ -96,6 +109,7 @@ class HeadInputs:
             qos,
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=report, matched=matched),
             qos_overriding_options=overridable(),
+            raw=raw,
         )
         self._subscriptions.append(subscription)
 
@@ -110,7 +124,7 @@ class HeadInputs:
         def listen(event: Any) -> None:
             publishers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
             if not listening and any(one.qos_profile.durability == LATCHED for one in publishers):
-                listening.append(node.create_subscription(CameraInfo, topic, take_kept, latched_qos()))
+                listening.append(node.create_subscription(CameraInfo, topic, take_kept, latched_qos(), raw=True))
                 self._subscriptions += listening
 
         def take_kept(message: Any) -> None:
@@ -121,6 +135,18 @@ class HeadInputs:
                 node.destroy_subscription(listening.pop())
 
         return listen
+
+    def _take_info(self, device: str, serialized: bytes) -> None:
+        """Read a camera info where anything but its stamp is new: a driver sends the same with each image."""
+        content = serialized[STAMP_END:]
+        if content == self._infos.get(device):
+            return
+        try:
+            self.sets.add_info(device, deserialize_message(serialized, CameraInfo))
+        except RMWError as error:
+            self._refuse("damaged camera info", f"{INFO_TOPICS[device]} cannot be read: {error}")
+            return
+        self._infos[device] = content
 
     def _stream_callback(self, stream: str) -> Handler:
         topic = STREAM_TOPICS[stream][0]

@@ -36,10 +36,7 @@ class HeadPublisher:
         lens: tuple[float, ...] = (),
     ) -> None:
         self.frames = {device: frame_prefix + frame for device, frame in FRAMES.items()}
-        self._frame_prefix = frame_prefix
-        self._rig = rig
-        self._projector_size = projector_size
-        self._lens = lens
+        self._info_messages = camera_infos(rig, Header(), projector_size, frame_prefix, lens)
         self._heard_at_s: float | None = None
         self._images = {side: self._publisher(node, Image, f"{side}/image_raw") for side in ("left", "right")}
         self._state = self._publisher(node, JointState, "projector/state")
@@ -65,11 +62,9 @@ class HeadPublisher:
 
     def publish_infos(self, stamp: Any) -> None:
         """Publish the three camera infos; they stay available to those who subscribe later."""
-        for device, info in self._infos_at(stamp).items():
+        for device, info in self._info_messages.items():
+            info.header.stamp = stamp
             self._infos[device].publish(info)
-
-    def _infos_at(self, stamp: Any) -> dict[str, CameraInfo]:
-        return camera_infos(self._rig, Header(stamp=stamp), self._projector_size, self._frame_prefix, self._lens)
 
     def publish(self, stamp: Any, left: GreyImage, right: GreyImage, state: ProjectorState) -> None:
         """Publish one exposure: camera infos and state first, then the images (H, W), uint8 or uint16."""

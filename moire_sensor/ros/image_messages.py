@@ -23,11 +23,13 @@ ENCODINGS = {"f4": "32FC1", "u1": "8UC1", "u2": "16UC1", "i2": "16SC1"}
 MAX_IMAGE_BYTES = 2 * 64 * 1024 * 1024
 
 
-def byte_array(values: npt.NDArray[Any]) -> array[int]:
-    """Return the bytes of an array in the one form that a message takes without a slow check of each element."""
-    data = array("B")
-    data.frombytes(np.ascontiguousarray(values).data.cast("B") if values.size else b"")
-    return data
+def fill(data: array[int], values: npt.NDArray[Any]) -> None:
+    """Append the bytes of an array to the ``data`` that a message was made with.
+
+    Setting ``data`` would copy all of it once more, or check it element by element.
+    """
+    if values.size:
+        data.frombytes(np.ascontiguousarray(values).data.cast("B"))
 
 
 def image_message(header: Header, values: npt.NDArray[Any], encoding: str = "") -> Image:
@@ -39,7 +41,7 @@ def image_message(header: Header, values: npt.NDArray[Any], encoding: str = "") 
     message.height, message.width = values.shape
     message.step = values.shape[1] * values.dtype.itemsize
     message.is_bigendian = int(sys.byteorder == "big")
-    message.data = byte_array(values)
+    fill(message.data, values)
     return message
 
 

@@ -216,7 +216,8 @@ class ReconstructionNode(ManagedNode):
             self._diagnose()
 
     def _diagnose(self) -> None:
-        if self._inputs is not None:
+        if self._inputs is not None and self._results is not None:
+            self._results.say_unheard()
             self._health.report(self._inputs, self._diagnostics, self._values["diagnostics_period_s"])
 
 

@@ -9,7 +9,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
-from moire_sensor.nav_cloud import clearing_cloud, obstacle_cloud
+from moire_sensor.nav_cloud import clearing_cloud, obstacle_cloud, supported
 from moire_sensor.reconstructor import Reconstructor
 from moire_sensor.ros.cloud_messages import Cloud, cloud_message, organised_cloud
 from moire_sensor.ros.image_messages import image_message
@@ -31,7 +31,8 @@ TOPICS: dict[str, Any] = {
     "disparity": DisparityImage,
 }
 Makers = dict[str, Callable[[], Any]]
-CLOUDS = ("points", "points_nav", "points_nav_clearing")
+NAV_CLOUDS = ("points_nav", "points_nav_clearing")
+CLOUDS = ("points", *NAV_CLOUDS)
 
 
 def result_messages(
@@ -48,7 +49,7 @@ def result_messages(
         if "points" in wanted:
             yield "points", message
     yield from made(image_makers(header, sensor, shot), wanted)
-    if cloud is not None:
+    if cloud is not None and any(topic in wanted for topic in NAV_CLOUDS):
         yield from made(nav_makers(header, sensor, shot, output, cloud), wanted)
 
 
@@ -79,7 +80,8 @@ def image_makers(header: Header, sensor: Reconstructor, shot: Shot) -> Makers:
 
 def nav_makers(header: Header, sensor: Reconstructor, shot: Shot, output: OutputSettings, cloud: Cloud) -> Makers:
     """Return what makes the clouds for costmaps of ``cloud`` (H, W, 4)."""
+    surface = supported(shot.depth_m)
     return {
-        "points_nav": lambda: cloud_message(header, obstacle_cloud(sensor.rig, cloud, shot, output.nav)),
-        "points_nav_clearing": lambda: cloud_message(header, clearing_cloud(cloud, shot, output.nav)),
+        "points_nav": lambda: cloud_message(header, obstacle_cloud(sensor.rig, cloud, shot, output.nav, surface)),
+        "points_nav_clearing": lambda: cloud_message(header, clearing_cloud(cloud, shot, output.nav, surface)),
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
@@ -38,8 +39,8 @@ def depth_image(header: Header, depth_m: npt.NDArray[np.float32], encoding: str 
 
 def background_image(header: Header, background: npt.NDArray[np.float32]) -> Image:
     """Return the fringe-free left view, grey levels of 255, as mono8."""
-    grey = np.nan_to_num(background).clip(0.0, 255.0)
-    return image_message(header, np.rint(grey).astype(np.uint8), "mono8")
+    # OpenCV rounds as numpy does and keeps to 0..255; NaN, like a number beyond all integers, it makes 0.
+    return image_message(header, cv2.add(background, 0.0, dtype=cv2.CV_8U), "mono8")
 
 
 def depth_camera_info(header: Header, rig: StereoRig) -> CameraInfo:

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from moire_sensor import Shot
+from moire_sensor.depth_grey import MEDIAN_SIGMAS
 from moire_sensor.paper_rig import paper_rig
 from moire_sim.analytic_scenes import AnalyticScene, analytic_scene_names, scene_surfaces
 from moire_sim.capture import HeadCapture
@@ -22,8 +23,6 @@ from tools.bench.tasks import Task
 SURE = 0.9
 METHODS = (FringeMethod("dense"), FringeMethod("phase_shift"))
 POSTS = "posts at random places"
-# The median of |x| of a normal distribution, in standard deviations.
-MEDIAN_SIGMAS = 0.6745
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,11 @@ from tools.bench.accuracy import Record
 from tools.bench.conditions import DEFAULT
 from tools.bench.confidence import TrustRecord
 from tools.bench.dot_scan import Trial
+from tools.bench.growth import GrowthRecord, MemoryRecord
 from tools.bench.latency import LatencyRecord
 from tools.bench.makers import MakerRecord
-from tools.bench.speed import SpeedRecord
+from tools.bench.speed import THREADS, SpeedRecord
+from tools.bench.stages import StageRecord
 from tools.bench.tables import Table, number, percent
 
 # (field of Score, heading, larger is better, what counts as equal)
@@ -149,7 +151,7 @@ def maker_table(records: Sequence[MakerRecord], note: str) -> Table:
 
 def speed_table(records: Sequence[SpeedRecord], note: str) -> Table:
     """Lay out the ratios to StereoBM of the same run, one row a method and size, threads side by side."""
-    keys = dict.fromkeys((one.image_size, one.case.depth_range_m, one.method) for one in records)
+    keys = dict.fromkeys((one.case.image_size, one.case.depth_range_m, one.method) for one in records)
     threads = sorted({one.case.threads for one in records})
     rows = []
     for size, (near, far), method in keys:
@@ -158,13 +160,41 @@ def speed_table(records: Sequence[SpeedRecord], note: str) -> Table:
             found = [
                 one
                 for one in records
-                if (one.image_size, one.case.depth_range_m, one.method, one.case.threads)
+                if (one.case.image_size, one.case.depth_range_m, one.method, one.case.threads)
                 == (size, (near, far), method, count)
             ]
             row += [number(found[0].milliseconds, 1), number(found[0].ratio, 2)] if found else ["-", "-"]
         rows.append(tuple(row))
     columns = [text for count in threads for text in (f"ms, {count} thread{'s' * (count > 1)}", "ratio")]
     return Table("Speed", note, ("images, depth range", "method", *columns), tuple(rows))
+
+
+def stage_table(records: Sequence[StageRecord], note: str) -> Table:
+    """Lay out what each stage of ``dense`` takes, and the whole."""
+    rows = [(one.name, *(number(ms, 2) for ms in one.milliseconds)) for one in records]
+    whole = np.sum([one.milliseconds for one in records], axis=0)
+    rows.append(("the whole", *(number(float(ms), 2) for ms in whole)))
+    columns = tuple(f"ms, {count} thread{'s' * (count > 1)}" for count in THREADS)
+    return Table("Stages", note, ("stage", *columns), tuple(rows))
+
+
+def growth_table(records: Sequence[GrowthRecord], note: str) -> Table:
+    """Lay out how time grows."""
+    rows = [
+        (one.method, str(one.threads), number(one.by_pixels, 2), number(one.by_range, 2)) for one in records
+    ]
+    columns = ("method", "threads", "time per pixel, 1920x1080 to 640x480", "time, 0.3-3 m to 0.5-2 m")
+    return Table("Growth", note, columns, tuple(rows))
+
+
+def memory_table(records: Sequence[MemoryRecord], note: str) -> Table:
+    """Lay out peaks of memory."""
+    rows = [
+        ("x".join(str(length) for length in one.image_size), one.method, number(one.peak_mb, 0),
+         number(one.peak_mb - one.imports_mb, 0))
+        for one in records
+    ]  # fmt: skip
+    return Table("Memory", note, ("images", "method", "peak MB", "without imports MB"), tuple(rows))
 
 
 def latency_table(records: Sequence[LatencyRecord], note: str) -> Table:

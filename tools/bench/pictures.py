@@ -60,7 +60,7 @@ def draw_speed(records: Sequence[SpeedRecord], path: Path) -> None:
         own = [one for one in records if one.case.threads == count and one.case.depth_range_m == usual]
         for number, method in enumerate(dict.fromkeys(one.method for one in own)):
             line = [one for one in own if one.method == method]
-            points = [(one.image_size[0] * one.image_size[1] / 1e6, one.milliseconds) for one in line]
+            points = [(one.case.image_size[0] * one.case.image_size[1] / 1e6, one.milliseconds) for one in line]
             colour = mpl.colormaps["viridis"](number / 6.5)
             place.plot(*zip(*points, strict=True), marker=MARKERS[number % len(MARKERS)], color=colour, label=method)
         place.set(xscale="log", yscale="log", xlabel="pixels (million)", title=f"threads: {count}")

@@ -13,18 +13,27 @@ from tools.bench.accuracy import Record, scene_records
 from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, PLAIN_AMBIENT, TEXTURED, Condition
 from tools.bench.confidence import TrustRecord, trust_tasks
 from tools.bench.dot_scan import DOTS_PX, SCAN_SCENES, Trial, best_settings, mean_trials, trials_of_dots
+from tools.bench.growth import (
+    GROWING,
+    MEMORY_CASES,
+    GrowthRecord,
+    MemoryRecord,
+    growth_records,
+    memory_records,
+)
 from tools.bench.latency import CASES, LatencyRecord, first_frame_of_room_s, latency_records
 from tools.bench.makers import DISTANCES_M, MakerRecord, maker_records
 from tools.bench.methods import OURS, PEERS, DotMethod, Method
 from tools.bench.posts import SEEDS, post_records
 from tools.bench.report import tables_of, write_report
 from tools.bench.simulator_report import SimulatorResults, measure_simulator
-from tools.bench.speed import SpeedRecord, cases, speed_records
+from tools.bench.speed import THREADS, SpeedRecord, cases, speed_records
+from tools.bench.stages import StageRecord, stage_records
 from tools.bench.tasks import Task, done, progress
 
 PARTS = (
-    "scan", "scenes", "conditions", "light", "posts", "confidence", "makers", "speed", "latency", "validation",
-    "realistic",
+    "scan", "scenes", "conditions", "light", "posts", "confidence", "makers", "speed", "growth", "latency",
+    "validation", "realistic",
 )  # fmt: skip
 # Light on these alone: a plane, slopes, solids, thin things.
 LIGHT_SCENES = ("plane_1000", "tilt_0.5", "waves", "cylinder_and_box", "spheres", "thin_poles")
@@ -42,6 +51,9 @@ class Results:
     trusts: list[TrustRecord] = field(default_factory=list)
     makers: list[MakerRecord] = field(default_factory=list)
     speeds: list[SpeedRecord] = field(default_factory=list)
+    stages: list[StageRecord] = field(default_factory=list)
+    growths: list[GrowthRecord] = field(default_factory=list)
+    memories: list[MemoryRecord] = field(default_factory=list)
     latencies: list[LatencyRecord] = field(default_factory=list)
     first_frame_s: float = float("nan")
     simulator: SimulatorResults = field(default_factory=SimulatorResults)
@@ -100,10 +112,19 @@ def measure(options: argparse.Namespace) -> Results:
         dots = results.peers[0]
         for some in progress(speed_records(methods, dots, chosen), "speed", len(chosen)):
             results.speeds += some
+    if "growth" in options.parts:
+        measure_growth(results)
     if "latency" in options.parts:
         results.first_frame_s = first_frame_of_room_s()
         results.latencies = list(progress(latency_records(CASES), "latency", len(CASES)))
     return results
+
+
+def measure_growth(results: Results) -> None:
+    """Time the stages, and how our methods grow in time and memory."""
+    results.stages = stage_records()
+    results.growths = list(progress(growth_records(), "growth", len(GROWING) * len(THREADS)))
+    results.memories = list(progress(memory_records(), "memory", len(MEMORY_CASES)))
 
 
 def scan(results: Results) -> None:

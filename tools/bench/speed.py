@@ -20,7 +20,8 @@ from tools.bench.methods import Depth, DotMethod, Method, Range
 
 SCENE = "cylinder_and_box"
 WIDE_RANGE_M = (0.3, 3.0)
-SCALES = (0.5, 1.0, 2.0)
+USUAL_SIZE, LARGEST_SIZE = (640, 480), (1920, 1080)
+SIZES = ((320, 240), USUAL_SIZE, (1280, 960), LARGEST_SIZE)
 THREADS = (1, 2)
 REFERENCE_DISPARITIES, REFERENCE_WINDOW_PX = 128, 15
 ROUNDS, LEAST_ROUNDS, SECONDS_A_CASE = 25, 5, 5.0
@@ -30,9 +31,9 @@ Task = Callable[[], Any]
 
 @dataclass(frozen=True)
 class Case:
-    """One size, depth range and number of threads."""
+    """One image size (width, height), depth range and number of threads."""
 
-    scale: float
+    image_size: tuple[int, int]
     depth_range_m: Range
     threads: int
 
@@ -43,46 +44,60 @@ class SpeedRecord:
 
     method: str
     case: Case
-    image_size: tuple[int, int]
     milliseconds: float
     ratio: float
 
 
-# SGBM HH takes seconds on large images and wide ranges.
-HH_CASES = tuple(Case(1.0, DEPTH_RANGE_M, threads) for threads in THREADS)
+# SGBM HH takes seconds on large images and wide ranges, SGBM 3-way on the largest.
+HH_CASES = tuple(Case(USUAL_SIZE, DEPTH_RANGE_M, threads) for threads in THREADS)
 
 
 def cases() -> list[Case]:
     """Return all sizes at the default range, and the wide range at the rig's own size."""
-    sizes = [Case(scale, DEPTH_RANGE_M, threads) for scale in SCALES for threads in THREADS]
-    return sizes + [Case(1.0, WIDE_RANGE_M, threads) for threads in THREADS]
+    sizes = [Case(size, DEPTH_RANGE_M, threads) for size in SIZES for threads in THREADS]
+    return sizes + [Case(USUAL_SIZE, WIDE_RANGE_M, threads) for threads in THREADS]
 
 
-def scaled_rig(scale: float) -> StereoRig:
-    """Return the paper's rig with ``scale`` times the pixels along each side, same field of view."""
-    rig = paper_rig()
-    shift = 0.5 * (scale - 1.0)
-    finer = np.array([[scale, 0.0, shift], [0.0, scale, shift], [0.0, 0.0, 1.0]])
-    width, height = (round(length * scale) for length in rig.image_size)
+def is_timed(method: Method, case: Case) -> bool:
+    """Whether a method is quick enough for a case."""
+    if method.name == "SGBM HH":
+        return case in HH_CASES
+    return method.name != "SGBM 3-way" or case.image_size != LARGEST_SIZE
+
+
+def size_at(scale: float) -> tuple[int, int]:
+    """Size of images with ``scale`` times the pixels along each side."""
+    return round(scale * USUAL_SIZE[0]), round(scale * USUAL_SIZE[1])
+
+
+def scales_of(image_size: tuple[int, int]) -> tuple[float, float]:
+    """Pixels of an image size beside the paper rig's, along rows and columns."""
+    return image_size[0] / USUAL_SIZE[0], image_size[1] / USUAL_SIZE[1]
+
+
+def scaled_rig(image_size: tuple[int, int]) -> StereoRig:
+    """Return the paper's rig with other pixels in the same field of view."""
+    rig, (along, down) = paper_rig(), scales_of(image_size)
+    finer = np.array([[along, 0.0, 0.5 * (along - 1.0)], [0.0, down, 0.5 * (down - 1.0)], [0.0, 0.0, 1.0]])
     left, right, projector = (finer @ projection for projection in (rig.P_left, rig.P_right, rig.P_projector))
     return StereoRig.from_projections(
-        left, right, projector, (width, height), projector_size=scaled_projector(scale)
+        left, right, projector, image_size, projector_size=scaled_projector(image_size)
     )
 
 
-def scaled_projector(scale: float) -> tuple[int, int]:
-    """Return the projector's size in pixels."""
-    width, height = PROJECTOR_SIZE
-    return round(width * scale), round(height * scale)
+def scaled_projector(image_size: tuple[int, int]) -> tuple[int, int]:
+    """Return the projector's size in pixels for a camera of another size."""
+    along, down = scales_of(image_size)
+    return round(PROJECTOR_SIZE[0] * along), round(PROJECTOR_SIZE[1] * down)
 
 
 class SpeedScene:
     """The scene at one size, and its pictures for each method, taken once."""
 
-    def __init__(self, scale: float) -> None:
-        self.scale = scale
-        self.rig = scaled_rig(scale)
-        self.scene = AnalyticScene.of(scene_surfaces(SCENE), 0.0, self.rig, scaled_projector(scale))
+    def __init__(self, image_size: tuple[int, int]) -> None:
+        self.scale = scales_of(image_size)[0]
+        self.rig = scaled_rig(image_size)
+        self.scene = AnalyticScene.of(scene_surfaces(SCENE), 0.0, self.rig, scaled_projector(image_size))
         self._pictures: dict[str, tuple[Any, Any]] = {}
 
     def pictures(self, method: Method) -> tuple[Any, Any]:
@@ -108,15 +123,15 @@ def speed_records(methods: Sequence[Method], dots: DotMethod, chosen: Sequence[C
     """Time the methods case by case; each list holds the reference first, with ratio 1."""
     scene = None
     for case in chosen:
-        if scene is None or scene.scale != case.scale:
-            scene = SpeedScene(case.scale)
-        timed = [method for method in methods if method.name != "SGBM HH" or case in HH_CASES]
+        if scene is None or scene.rig.image_size != case.image_size:
+            scene = SpeedScene(case.image_size)
+        timed = [method for method in methods if is_timed(method, case)]
         tasks = [scene.reference(dots), *(scene.task(method, case) for method in timed)]
         set_threads(case.threads)
         times_s = turns(tasks)
         names = [f"StereoBM({REFERENCE_DISPARITIES}, {REFERENCE_WINDOW_PX})", *(method.name for method in timed)]
         yield [
-            SpeedRecord(name, case, scene.rig.image_size, 1e3 * float(np.median(own)), float(np.median(own / first)))
+            SpeedRecord(name, case, 1e3 * float(np.median(own)), float(np.median(own / first)))
             for name, own, first in zip(names, times_s.T, np.broadcast_to(times_s[:, 0], times_s.T.shape), strict=True)
         ]
     set_threads(max(THREADS))

@@ -22,10 +22,11 @@ DISTANCES_M = (1.35, 1.2, 1.0)
 # The board of the scene "board_before_plane", across: centre 30 mm, 240 mm wide; 180 mm high.
 BOARD_X_M, BOARD_HALF_HEIGHT_M = (-0.09, 0.15), 0.09
 MARGIN_PX = 2 * round(PERIOD_PX)
-# An edge blurred by 0.55 px is over within this many pixels.
-NEAR_PX = 3
-# Light of the virtual head on the plane: ambient 20 and at least 10 from the projector, albedo 0.85.
-SHADOW_GREY = 0.85 * (20.0 + 0.5 * 10.0)
+# The board's light, blurred by 0.55 px, is over so many pixels beyond its edge. The shadow, 17 px at most, ends before
+# the last half of those looked at.
+NEAR_PX, FAR_PX = 2, 60
+# Light of the virtual head in a shadow on the plane: ambient 20, albedo 0.85.
+SHADOW_GREY = 0.85 * 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,16 +60,18 @@ def measure(
     """Photograph the board at each distance and measure fringes and shadow in the right picture."""
     rig = rig or rig_of_rows()
     plane_rad = plane_phase_rad(rig, "right", REFERENCE_DEPTH_M)
+    with VirtualHead(f"flat_board:distance_m={REFERENCE_DEPTH_M}", seed=seed, rig=rig) as head:
+        plane = head.capture(paper_pattern()).right
     results = []
     for number, distance in enumerate(distances_m):
         with VirtualHead(f"board_before_plane:distance_m={distance}", seed=seed + number, rig=rig) as head:
             picture = head.capture(paper_pattern()).right
-        results.append(measured(rig, distance, picture, plane_rad))
+        results.append(measured(rig, distance, picture, plane, plane_rad))
     return results
 
 
-def measured(rig: StereoRig, distance_m: float, picture: Grey, plane_rad: Array) -> SmallBoard:
-    """Take the numbers from one picture, on rows well inside the board."""
+def measured(rig: StereoRig, distance_m: float, picture: Grey, plane: Grey, plane_rad: Array) -> SmallBoard:
+    """Take the numbers from one picture and that of the plane alone, on rows well inside the board."""
     left, right = (FX_PX * (x - RIGHT_X_M) / distance_m + rig.centre_px[0] for x in BOARD_X_M)
     half = int(0.8 * BOARD_HALF_HEIGHT_M * rig.fy_px / distance_m)
     rows = slice(max(middle_row(rig) - half, 0), middle_row(rig) + half)
@@ -78,30 +81,23 @@ def measured(rig: StereoRig, distance_m: float, picture: Grey, plane_rad: Array)
     residual = np.angle(np.exp(1j * (delta_rad - TURN * expected / PERIOD_PX)).mean()) / TURN * PERIOD_PX
     phase_rad = np.unwrap(delta_rad, axis=1) + plane_rad[rows, inside]
     slope = np.polyfit(np.arange(phase_rad.shape[1]), phase_rad.mean(axis=0), 1)[0]
-    # The shadow falls to the right of the board, for the projector stands to the left of the right camera.
-    beside = picture[rows, int(right) - 2 * NEAR_PX : int(right) + 60].astype(float).mean(axis=0)
-    return SmallBoard(
-        distance_m, picture, (left, right), expected + float(residual), dark_width_px(beside), float(TURN / slope)
-    )
+    # The shadow falls to the right of the board, for the projector stands to the left of the right camera. As far as
+    # the board's own light reaches, all is taken as dark.
+    first = int(np.ceil(right)) + NEAR_PX
+    beside, lit = (view[rows, first : first + FAR_PX].astype(float).mean(axis=0) for view in (picture, plane))
+    shadow = first - 0.5 - right + lacking_px(beside, lit)
+    return SmallBoard(distance_m, picture, (left, right), expected + float(residual), shadow, float(TURN / slope))
 
 
-def dark_width_px(profile: Array) -> float:
-    """Width of a profile's first dark band; each end lies half way between dark and the brightest pixel near by."""
-    dark = np.append(profile < SHADOW_GREY, False)
-    if not dark.any():
-        return 0.0
-    first = int(np.argmax(dark))
-    last = first + int(np.argmin(dark[first:])) - 1
-    level = float(np.median(profile[first : last + 1]))
-    before, behind = profile[first - NEAR_PX : first + 1][::-1], profile[last : last + NEAR_PX + 1]
-    return last - first + half_way_px(before, level) + half_way_px(behind, level)
+def lacking_px(profile: Array, lit: Array) -> float:
+    """How many pixels of a profile (n,) the projector does not light, beside the same one without a shadow.
 
-
-def half_way_px(rise: Array, dark: float) -> float:
-    """Pixels from the first sample to where a rising profile is half way from dark to its largest level."""
-    half = 0.5 * (dark + float(rise.max()))
-    above = int(np.argmax(rise >= half))
-    return above - float((rise[above] - half) / (rise[above] - rise[above - 1]))
+    A pixel counts by the share of the projector's light that it lacks: neither blur nor a dark fringe at the end of the
+    shadow makes it wider. The last half of the profile, which has no shadow, tells how much brighter the other is.
+    """
+    beyond = slice(profile.size // 2, None)
+    lit = lit * (profile[beyond].sum() / lit[beyond].sum())
+    return float(np.sum((lit - profile)[: beyond.start] / (lit - SHADOW_GREY)[: beyond.start]))
 
 
 def draw_boards(results: list[SmallBoard], path: Path) -> None:
