@@ -109,6 +109,23 @@ def test_interrupted_runs_go_on_where_they_were(dense_bag: Path, tmp_path: Path)
     assert {path: path.stat().st_mtime_ns for path in work.target.iterdir()} == before
 
 
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_part_folder_without_its_file_is_no_obstacle(three_sets: Path, tmp_path: Path, moved: bool) -> None:
+    # What a kill leaves between the folder of a part and its file, or between moving the file and naming it.
+    work = task(three_sets, tmp_path / "out", limits=SMALL_PARTS)
+    begun: list[int] = []
+    assert reconstruct_bag(work, begun.append, lambda: len(begun) >= 1).state == "interrupted"
+    parts = len(list(work.target.glob("*.mcap")))
+    folder = work.target / f"out_{parts}"
+    folder.mkdir()
+    if moved:
+        (folder / "metadata.yaml").write_text("of a part")
+        (work.target / f"out_{parts}.mcap").write_bytes(b"a part that no metadata names")
+    outcome = reconstruct_bag(work)
+    assert summary(outcome) == ("whole", 3, 3), outcome.error
+    assert len(of_topic(work.target, DEPTH)) == 3
+
+
 def test_interrupted_phase_shift_keeps_its_frames(phase_shift_bag: Path, tmp_path: Path) -> None:
     work = task(phase_shift_bag, tmp_path / "out", values={"method": "phase_shift"})
     whole = replace(work, target=tmp_path / "whole")

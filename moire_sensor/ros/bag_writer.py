@@ -152,11 +152,13 @@ class BagWriter:
 
     def _begin(self) -> Writer:
         """Begin a part."""
-        number = len(self._information["files"])
-        path = self.folder / f"{self.folder.name}_{number}"
-        self._part = Writer(path, version=BAG_VERSION, storage_plugin=STORAGES[self._storage])
+        self._part = Writer(self._part_folder(), version=BAG_VERSION, storage_plugin=STORAGES[self._storage])
         self._part.open()
         return self._part
+
+    def _part_folder(self) -> Path:
+        """Return the folder in which the next part grows."""
+        return self.folder / f"{self.folder.name}_{len(self._information['files'])}"
 
     def _connect(self, topic: str, type_name: str, qualities: Sequence[QoSProfile]) -> Connection:
         """Return the connection of a topic in the current part, which is begun if need be."""
@@ -182,6 +184,9 @@ class BagWriter:
                 shutil.rmtree(path.parent)
             elif path not in named:
                 path.unlink()
+        # One that had no file yet, or whose file was moved already.
+        if self._part_folder().is_dir():
+            shutil.rmtree(self._part_folder())
 
     def _lost(self, error: Exception) -> CaptureError:
         """Break off the part that could not be written, and say so."""
