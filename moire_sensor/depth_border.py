@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit, prange
 
 from moire_sensor.apart import BARE, NAN_SAFE, ROW
-from moire_sensor.depth_around import SIDES, dimmest, neighbour, last_of, next_of
+from moire_sensor.depth_around import SIDES, dimmest, last_of, neighbour, next_of
 from moire_sensor.depth_narrow import NO_RUN, has_narrow_run, run_offered
 from moire_sensor.depth_offer import fits, plane_offered, taken
 from moire_sensor.depth_refine import Match

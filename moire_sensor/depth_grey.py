@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.apart import ROW
+from moire_sensor.depth_foreign import drop_foreign
 from moire_sensor.depth_measure import compare_row, fill_sigma, measure
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_surface import along_surface
@@ -34,8 +34,8 @@ SURE_PX = 0.1
 SAMPLE_ROWS, SAMPLE_PX, FEWEST = 16, 4, 40
 # One pixel in so many, both ways, tells the usual noise. Its median magnitude, in standard deviations.
 NOISE_SAMPLE_PX, MEDIAN_SIGMAS = 8, 0.6745
-# Windows, columns and rows, in which two views may not look different: phase steps resolve single rows.
-MISFIT_WINDOW, ROW_WINDOW = (5, 3), (5, 1)
+# Rows above and below in a window in which two views may not look different; phase steps resolve single rows.
+HALF_MISFIT_ROWS = 1
 
 
 def measures_by_stereo(carrier: Carrier, projector: ProjectorMap) -> bool:
@@ -109,7 +109,7 @@ def match_greys(
     fill_sigma(room.apart, room.power, *window, least_power(settings), typical_noise(room.apart), match.sigma_px)
     if number > 0:
         add_moves(match.sigma_px, np.subtract(disparity, room.smooth, out=room.smooth), half_width, window[1])
-    drop_foreign(disparity, least_difference(room.apart, MISFIT_WINDOW), amplitude, settings)
+    drop_foreign(disparity, room.apart, amplitude, HALF_MISFIT_ROWS, settings)
     return replace(match, disparity_px=disparity)
 
 
@@ -188,32 +188,7 @@ def check_greys(match: Match, greys: tuple[Float32, Float32], amplitude: Float32
     """Set in place to NaN the disparities where the two views look different; parameters of :func:`match_greys`."""
     power, met, apart = (np.empty_like(amplitude) for _ in range(3))
     compare(*greys, match.disparity_px, amplitude, np.float32(settings.image_noise), power, met, apart)
-    drop_foreign(match.disparity_px, least_difference(apart, ROW_WINDOW), amplitude, settings)
-
-
-def least_difference(apart: Float32, window: tuple[int, int]) -> Float32:
-    """Mean difference (H, W) of the best window (columns, rows) that holds the pixel: some lie on one surface."""
-    return np.asarray(cv2.erode(cv2.blur(apart, window), np.ones(window[::-1], dtype=np.uint8)))
-
-
-def drop_foreign(disparity_px: Float32, apart: Float32, amplitude: Float32, settings: Settings) -> None:
-    """Set in place to NaN the disparities whose views differ by more than noise and the allowed misfit."""
-    limits = np.array([2.0 * settings.image_noise, settings.max_misfit], dtype=np.float32)
-    clear_foreign(disparity_px, apart, amplitude, limits)
-
-
-@njit(parallel=True, cache=True)
-def clear_foreign(disparity, apart, amplitude, limits):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`drop_foreign`."""
-    for y in prange(disparity.shape[0]):
-        clear_foreign_row(disparity[y], apart[y], amplitude[y], limits[0], limits[1])
-
-
-@njit(**ROW)
-def clear_foreign_row(disparity, apart, amplitude, noise, share):  # type: ignore[no-untyped-def]
-    """One row of :func:`clear_foreign`."""
-    for x in range(disparity.size):
-        disparity[x] = np.float32(np.nan) if apart[x] > noise + share * amplitude[x] else disparity[x]
+    drop_foreign(match.disparity_px, apart, amplitude, 0, settings)
 
 
 @njit(parallel=True, cache=True)
