@@ -201,7 +201,9 @@ def test_a_pixel_is_foreign_if_the_views_differ_in_every_window_that_holds_it(ha
     mirrored = np.pad(apart, 2, mode="reflect").astype(float)
     rows = range(-half_rows, half_rows + 1)
     means = {
-        (y, x): np.mean([mirrored[y + 2 + down, x : x + 5] for down in rows]) for y in range(height) for x in range(width)
+        (y, x): np.mean([mirrored[y + 2 + down, x : x + 5] for down in rows])
+        for y in range(height)
+        for x in range(width)
     }
     best = np.array([
         [min(means.get((y + down, x + aside), np.inf) for down in rows for aside in range(-2, 3)) for x in range(width)]
