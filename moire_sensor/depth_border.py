@@ -24,10 +24,9 @@ from moire_sensor.phase_image import Light
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
-# What the first round gives to a surface lets the second trust its neighbours.
-ROUNDS = 2
-# A power of two: rows so far apart are looked at whole.
-FIRST_ROWS = 2
+# Rows so far apart, a power of two, are looked at whole in each round. What the first round gives to a surface lets the
+# second trust its neighbours.
+FIRST_ROWS = (2, 4)
 # Planes are offered from all sides, runs from left and right.
 OFFERS = SIDES + 2
 NOTHING = (np.float32(np.nan), np.float32(0.0), np.float32(0.0))
@@ -57,10 +56,10 @@ def extend(
     """
     room = Trust.of(match.disparity_px.shape)
     limits = np.array([rad_per_px, settings.image_noise, settings.max_border_misfit], dtype=np.float32)
-    for _ in range(ROUNDS):
+    for first_rows in FIRST_ROWS:
         room.look(match.disparity_px)
         assign(
-            room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
+            first_rows, room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
             light.background, light.amplitude, projector.packed(), limits, *match.images(),
         )  # fmt: skip
 
@@ -152,24 +151,24 @@ def judge(  # type: ignore[no-untyped-def]
 
 @njit(parallel=True, fastmath=NAN_SAFE, error_model="numpy", cache=True)
 def assign(  # type: ignore[no-untyped-def]
-    trust, near, disparity, above, below, claim, left, right, background, amplitude, map_, limits,
+    first_rows, trust, near, disparity, above, below, claim, left, right, background, amplitude, map_, limits,
     new_disparity, new_sigma, new_signed, new_mismatch,
 ):  # fmt: skip
     """Write the new images (H, W; as Match) where a pixel nearby that is not trusted changes or loses its surface.
 
-    One row in ``FIRST_ROWS`` first, then the one in the middle between two, and so on; of those only pixels that are
+    One row in ``first_rows`` first, then the one in the middle between two, and so on; of those only pixels that are
     not like both rows beside them then are.
     """
     height, width = trust.shape
-    away = FIRST_ROWS
+    away = first_rows
     while away > 0:
         # Of the first rows all; later those between.
-        first, step = (0, away) if away == FIRST_ROWS else (away, 2 * away)
+        first, step = (0, away) if away == first_rows else (away, 2 * away)
         for number in prange((height - first + step - 1) // step):
             y = first + step * np.int64(number)
             marks, places = marks_for(width), np.empty(width, dtype=np.int64)
             mark_doubtful(trust[y], near[y], disparity[y], marks)
-            if away < FIRST_ROWS and y + away < height:
+            if away < first_rows and y + away < height:
                 unmark_between(disparity[y], new_disparity[y - away], new_disparity[y + away], marks)
             judge_row(
                 places[: list_marked(marks, places)], trust[y], disparity, above, below, claim, y, left, right,

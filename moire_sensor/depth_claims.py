@@ -21,7 +21,7 @@ def claim_nearest(line, claims):  # type: ignore[no-untyped-def]
 
 @njit(**BARE)
 def claim_both(line, counts, none, columns, seen, claims):  # type: ignore[no-untyped-def]
-    """Fill ``claims`` (W,) with the greatest disparity seen on either side of each column, ``none`` where there is none.
+    """Fill ``claims`` (W,) with the greatest disparity seen on either side of each column, or with ``none``.
 
     Pixels that do not count claim nothing; the others claim the two columns they fall between. ``columns`` int32 and
     ``seen`` float32 are memory for W + 2 values.
