@@ -164,8 +164,9 @@ def assign(  # type: ignore[no-untyped-def]
     while away > 0:
         # Of the first rows all; later those between.
         first, step = (0, away) if away == first_rows else (away, 2 * away)
-        for number in prange((height - first + step - 1) // step):
-            y = first + step * np.int64(number)
+        rows = (height - first + step - 1) // step
+        for number in prange(rows):
+            y = first + step * interleaved(np.int64(number), rows)
             marks, places = marks_for(width), np.empty(width, dtype=np.int64)
             mark_doubtful(trust[y], near[y], disparity[y], marks)
             if away < first_rows and y + away < height:
@@ -214,3 +215,10 @@ def unmark_between(disparity, before, after, marks):  # type: ignore[no-untyped-
         alike = (abs(disparity[x] - before[x]) <= JUMP_PX) & (abs(disparity[x] - after[x]) <= JUMP_PX)
         alike |= (disparity[x] != disparity[x]) & (before[x] != before[x]) & (after[x] != after[x])
         marks[x] = marks[x] & (not alike)
+
+
+@njit(forceinline=True, **BARE)
+def interleaved(number, count):  # type: ignore[no-untyped-def]
+    """Which of ``count`` rows a task takes: every other one first, so that threads share busy parts of the image."""
+    half = (count + 1) // 2
+    return 2 * number if number < half else 2 * (number - half) + 1
