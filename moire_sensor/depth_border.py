@@ -24,9 +24,9 @@ from moire_sensor.phase_image import Light
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
-# Rows so far apart, a power of two, are looked at whole in each round. What the first round gives to a surface lets the
-# second trust its neighbours.
-FIRST_ROWS = (2, 4)
+# What the first round gives to a surface lets the second trust its neighbours, and then rows so many times as far apart
+# are looked at whole.
+ROUNDS = (1, 2)
 # Planes are offered from all sides, runs from left and right.
 OFFERS = SIDES + 2
 NOTHING = (np.float32(np.nan), np.float32(0.0), np.float32(0.0))
@@ -43,6 +43,7 @@ def extend(
     projector: ProjectorMap,
     rad_per_px: float,
     settings: Settings,
+    row_step: int,
 ) -> None:
     """Give the pixels beside edges to the surface they show, or to none, in place.
 
@@ -53,13 +54,15 @@ def extend(
     greys : left, and right with the grey levels of the left, (H, W) float32.
     light : amplitude and background of the left view, which tell how bright a surface is.
     rad_per_px : how fast the left phase runs along a row, without its sign.
+    row_step : one row in so many was solved. About as far apart, rows are looked at whole.
     """
     room = Trust.of(match.disparity_px.shape)
     limits = np.array([rad_per_px, settings.image_noise, settings.max_border_misfit], dtype=np.float32)
-    for first_rows in FIRST_ROWS:
+    first_rows = 1 << (row_step.bit_length() - 1)
+    for apart in ROUNDS:
         room.look(match.disparity_px)
         assign(
-            first_rows, room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
+            first_rows * apart, room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
             light.background, light.amplitude, projector.packed(), limits, *match.images(),
         )  # fmt: skip
 
@@ -156,8 +159,8 @@ def assign(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Write the new images (H, W; as Match) where a pixel nearby that is not trusted changes or loses its surface.
 
-    One row in ``first_rows`` first, then the one in the middle between two, and so on; of those only pixels that are
-    not like both rows beside them then are.
+    One row in ``first_rows``, a power of two, first, then the one in the middle between two, and so on; of those only
+    pixels that are not like both rows beside them then are.
     """
     height, width = trust.shape
     away = first_rows
