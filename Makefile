@@ -29,9 +29,8 @@ test: check ## lint, types and all tests
 	$(BIN)/pytest -n 2
 
 # BENCH="--parts scenes --scenes waves" measures a part; BENCH=--help tells all options.
-# Idle kernel threads sleep, as in the executables.
 bench: setup ## accuracy and speed beside other methods, into docs/bench.md
-	@OMP_WAIT_POLICY=passive $(BIN)/python -m tools.bench.run $(BENCH)
+	@$(BIN)/python -m tools.bench.run $(BENCH)
 
 # A warning fails the build: every link and anchor holds. The theme's own notice is about its successor, no fault of ours.
 docs: setup ## write docs/reference.md from the code, and all pages as a site: site/index.html
@@ -41,7 +40,7 @@ docs: setup ## write docs/reference.md from the code, and all pages as a site: s
 help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile | sort | expand -t 10
 
-# CAPTURE=folder shows a recorded capture instead, in demo/figures. Idle kernel threads sleep, as in the executables.
+# CAPTURE=folder shows a recorded capture instead, in demo/figures.
 figures: setup ## the paper's experiments, into docs/figures.md, and the other pictures of the documentation
-	@OMP_WAIT_POLICY=passive $(BIN)/python -m tools.figures.run $(if $(CAPTURE),--capture "$(CAPTURE)")
+	@$(BIN)/python -m tools.figures.run $(if $(CAPTURE),--capture "$(CAPTURE)")
 	$(if $(CAPTURE),,@$(BIN)/python -m tools.docs.pictures)

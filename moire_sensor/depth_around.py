@@ -38,8 +38,17 @@ def dimmest(amplitude, above, below, y, x, before, after):  # type: ignore[no-un
 
 
 @njit(forceinline=True, **BARE)
-def next_of(trust, x, trusted):  # type: ignore[no-untyped-def]
-    """First column from ``x`` on that is trusted, or is not; the row's length where there is none."""
-    while x < trust.size and (trust[np.uint64(x)] > 0) != trusted:
+def next_of(trust, x):  # type: ignore[no-untyped-def]
+    """First trusted column from ``x`` on; the row's length where there is none."""
+    while x < trust.size and trust[np.uint64(x)] == 0:
         x += 1
+    return x
+
+
+@njit(forceinline=True, **BARE)
+def last_of(trust, x):  # type: ignore[no-untyped-def]
+    """Last trusted column before ``x``; -1 where there is none."""
+    x -= 1
+    while x >= 0 and trust[np.uint64(x)] == 0:
+        x -= 1
     return x

@@ -11,11 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.apart import BARE, NAN_SAFE
-from moire_sensor.depth_around import SIDES, dimmest, neighbour, next_of
+from moire_sensor.apart import BARE, NAN_SAFE, ROW
+from moire_sensor.depth_around import SIDES, dimmest, last_of, neighbour, next_of
 from moire_sensor.depth_narrow import NO_RUN, has_narrow_run, run_offered
 from moire_sensor.depth_offer import fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
+from moire_sensor.depth_runs import list_marked, marks_for
 from moire_sensor.depth_trust import JUMP_PX, Trust
 from moire_sensor.depth_window import LANES, small_difference
 from moire_sensor.phase_carrier import Float32
@@ -23,8 +24,9 @@ from moire_sensor.phase_image import Light
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
-# What the first round gives to a surface lets the second trust its neighbours.
-ROUNDS = 2
+# What the first round gives to a surface lets the second trust its neighbours, and then rows so many times as far apart
+# are looked at whole.
+ROUNDS = (1, 2)
 # Planes are offered from all sides, runs from left and right.
 OFFERS = SIDES + 2
 NOTHING = (np.float32(np.nan), np.float32(0.0), np.float32(0.0))
@@ -41,6 +43,7 @@ def extend(
     projector: ProjectorMap,
     rad_per_px: float,
     settings: Settings,
+    row_step: int,
 ) -> None:
     """Give the pixels beside edges to the surface they show, or to none, in place.
 
@@ -51,13 +54,15 @@ def extend(
     greys : left, and right with the grey levels of the left, (H, W) float32.
     light : amplitude and background of the left view, which tell how bright a surface is.
     rad_per_px : how fast the left phase runs along a row, without its sign.
+    row_step : one row in so many was solved. About as far apart, rows are looked at whole.
     """
     room = Trust.of(match.disparity_px.shape)
     limits = np.array([rad_per_px, settings.image_noise, settings.max_border_misfit], dtype=np.float32)
-    for _ in range(ROUNDS):
+    first_rows = 1 << (row_step.bit_length() - 1)
+    for apart in ROUNDS:
         room.look(match.disparity_px)
         assign(
-            room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
+            first_rows * apart, room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
             light.background, light.amplitude, projector.packed(), limits, *match.images(),
         )  # fmt: skip
 
@@ -149,30 +154,74 @@ def judge(  # type: ignore[no-untyped-def]
 
 @njit(parallel=True, fastmath=NAN_SAFE, error_model="numpy", cache=True)
 def assign(  # type: ignore[no-untyped-def]
-    trust, near, disparity, above, below, claim, left, right, background, amplitude, map_, limits,
+    first_rows, trust, near, disparity, above, below, claim, left, right, background, amplitude, map_, limits,
     new_disparity, new_sigma, new_signed, new_mismatch,
 ):  # fmt: skip
-    """Write the new images (H, W; as Match) where a pixel nearby that is not trusted changes or loses its surface."""
+    """Write the new images (H, W; as Match) where a pixel nearby that is not trusted changes or loses its surface.
+
+    One row in ``first_rows``, a power of two, first, then the one in the middle between two, and so on; of those only
+    pixels that are not like both rows beside them then are.
+    """
     height, width = trust.shape
-    for number in prange(height):
-        y = interleaved(np.int64(number), height)
-        sums = np.empty(LANES, dtype=np.float32)
-        end = 0
-        while end < width:
-            start = next_of(trust[y], end, False)
-            end = next_of(trust[y], start, True)
-            after = end if end < width else -1
-            narrow = end > start and has_narrow_run(disparity, y, start, end)
-            for x in range(start, end):
-                if near[y, x] > 1 or (near[y, x] == 1 and np.isnan(disparity[y, x])):
-                    judge(
-                        disparity, above, below, claim, y, x, start - 1, after, left, right, background, amplitude,
-                        map_, limits, sums, narrow, new_disparity, new_sigma, new_signed, new_mismatch,
-                    )  # fmt: skip
+    away = first_rows
+    while away > 0:
+        # Of the first rows all; later those between.
+        first, step = (0, away) if away == first_rows else (away, 2 * away)
+        rows = (height - first + step - 1) // step
+        for number in prange(rows):
+            y = first + step * interleaved(np.int64(number), rows)
+            marks, places = marks_for(width), np.empty(width, dtype=np.int64)
+            mark_doubtful(trust[y], near[y], disparity[y], marks)
+            if away < first_rows and y + away < height:
+                unmark_between(disparity[y], new_disparity[y - away], new_disparity[y + away], marks)
+            judge_row(
+                places[: list_marked(marks, places)], trust[y], disparity, above, below, claim, y, left, right,
+                background, amplitude, map_, limits, np.empty(LANES, dtype=np.float32), new_disparity, new_sigma,
+                new_signed, new_mismatch,
+            )  # fmt: skip
+        away //= 2
+
+
+@njit(**BARE)
+def judge_row(  # type: ignore[no-untyped-def]
+    places, trust, disparity, above, below, claim, y, left, right, background, amplitude, map_, limits, sums,
+    new_disparity, new_sigma, new_signed, new_mismatch,
+):  # fmt: skip
+    """Judge some pixels of a row, in order."""
+    width = trust.size
+    start, end, narrow = 0, -1, False
+    for x in places:
+        if x >= end:
+            start, end = last_of(trust, x) + 1, next_of(trust, x)
+            narrow = has_narrow_run(disparity, y, start, end)
+        judge(
+            disparity, above, below, claim, y, x, start - 1, end if end < width else -1, left, right, background,
+            amplitude, map_, limits, sums, narrow, new_disparity, new_sigma, new_signed, new_mismatch,
+        )  # fmt: skip
+
+
+@njit(**ROW)
+def mark_doubtful(trust, near, disparity, marks):  # type: ignore[no-untyped-def]
+    """Mark the pixels of a row that are not trusted and near enough to one that is."""
+    for x in range(disparity.size):
+        unknown = disparity[x] != disparity[x]
+        marks[x] = (trust[x] == 0) & ((near[x] > 1) | ((near[x] == 1) & unknown))
+
+
+@njit(**ROW)
+def unmark_between(disparity, before, after, marks):  # type: ignore[no-untyped-def]
+    """Take the marks from pixels that lie on the surface which the row ``before`` and the one ``after`` show.
+
+    And from unknown ones where both show nothing.
+    """
+    for x in range(disparity.size):
+        alike = (abs(disparity[x] - before[x]) <= JUMP_PX) & (abs(disparity[x] - after[x]) <= JUMP_PX)
+        alike |= (disparity[x] != disparity[x]) & (before[x] != before[x]) & (after[x] != after[x])
+        marks[x] = marks[x] & (not alike)
 
 
 @njit(forceinline=True, **BARE)
-def interleaved(number, height):  # type: ignore[no-untyped-def]
-    """Row of a task: even rows first, so that threads share busy parts of the image."""
-    half = (height + 1) // 2
+def interleaved(number, count):  # type: ignore[no-untyped-def]
+    """Which of ``count`` rows a task takes: every other one first, so that threads share busy parts of the image."""
+    half = (count + 1) // 2
     return 2 * number if number < half else 2 * (number - half) + 1

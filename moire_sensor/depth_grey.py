@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numba import njit, prange
 
-from moire_sensor.apart import ROW
+from moire_sensor.depth_foreign import drop_foreign
 from moire_sensor.depth_measure import compare_row, fill_sigma, measure
 from moire_sensor.depth_refine import Match
 from moire_sensor.depth_surface import along_surface
@@ -34,8 +34,8 @@ SURE_PX = 0.1
 SAMPLE_ROWS, SAMPLE_PX, FEWEST = 16, 4, 40
 # One pixel in so many, both ways, tells the usual noise. Its median magnitude, in standard deviations.
 NOISE_SAMPLE_PX, MEDIAN_SIGMAS = 8, 0.6745
-# Windows, columns and rows, in which two views may not look different: phase steps resolve single rows.
-MISFIT_WINDOW, ROW_WINDOW = (5, 3), (5, 1)
+# Rows above and below in a window in which two views may not look different; phase steps resolve single rows.
+HALF_MISFIT_ROWS = 1
 
 
 def measures_by_stereo(carrier: Carrier, projector: ProjectorMap) -> bool:
@@ -89,7 +89,7 @@ def match_greys(
 
     Parameters
     ----------
-    match : disparities within a pixel or so of the truth, but for few.
+    match : disparities within a pixel or so of the truth, but for few, averaged along their surface.
     greys : left, and right with the grey levels of the left (:func:`right_as_left`), (H, W) float32.
     amplitude : fringe amplitude of the left image (H, W).
     half_width : half of a period, pixels.
@@ -101,15 +101,17 @@ def match_greys(
         images are those of ``match``, whose sigma is filled anew.
     """
     disparity, room = match.disparity_px, Room.of(amplitude.shape)
+    window = half_width, settings.half_height_grey_px
     for number in range(ROUNDS_ON_TEXTURE - 1):
-        disparity, moving = one_round(disparity, greys, amplitude, half_width, settings.half_height_grey_px, settings)
+        smooth = disparity if number == 0 else along_surface(disparity, *window, (room.apart, room.smooth))
+        disparity, moving = moved(smooth, greys, amplitude, *window, settings)
         if number == 0 and moving <= MOVING_SHARE * np.count_nonzero(disparity == disparity):
             break
-    window = 2 * half_width + 1, settings.half_height_grey_px
-    fill_sigma(room.apart, room.power, *window, least_power(settings), typical_noise(room.apart), match.sigma_px)
+    noise = typical_noise(room.apart)
+    fill_sigma(room.apart, room.power, 2 * half_width + 1, window[1], least_power(settings), noise, match.sigma_px)
     if number > 0:
-        add_moves(match.sigma_px, np.subtract(disparity, room.smooth, out=room.smooth), half_width, window[1])
-    drop_foreign(disparity, least_difference(room.apart, MISFIT_WINDOW), amplitude, settings)
+        add_moves(match.sigma_px, np.subtract(disparity, room.smooth, out=room.smooth), *window)
+    drop_foreign(disparity, room.apart, amplitude, HALF_MISFIT_ROWS, settings)
     return replace(match, disparity_px=disparity)
 
 
@@ -134,15 +136,20 @@ def add_moves(sigma_px: Float32, moves_px: Float32, half_width: int, half_height
 def approach_greys(
     match: Match, greys: tuple[Float32, Float32], phase: PhaseImage, half_width: int, settings: Settings
 ) -> Match:
-    """The first round of :func:`match_greys`, for the rows (n, W) of the left ``phase``: match within a few pixels."""
-    half_height = -(-settings.half_height_grey_px // phase.row_step)
+    """The first round of :func:`match_greys`, for the rows (n, W) of the left ``phase``: match within a few pixels.
+
+    Its disparities, which last until the next call in this thread, are averaged along their surface for the second one.
+    """
+    room = Room.of(phase.amplitude.shape)
+    window = half_width, -(-settings.half_height_grey_px // phase.row_step)
     rows = phase.first_row, phase.row_step
-    found, _ = one_round(match.disparity_px, greys, phase.amplitude, half_width, half_height, settings, rows)
-    return replace(match, disparity_px=found)
+    smooth = along_surface(match.disparity_px, *window, (room.apart, room.smooth))
+    found, _ = moved(smooth, greys, phase.amplitude, *window, settings, rows)
+    return replace(match, disparity_px=along_surface(found, *window, (room.apart, room.smooth)))
 
 
-def one_round(
-    disparity_px: Float32,
+def moved(
+    smooth_px: Float32,
     greys: tuple[Float32, Float32],
     amplitude: Float32,
     half_width: int,
@@ -150,14 +157,13 @@ def one_round(
     settings: Settings,
     rows: tuple[int, int] = (0, 1),
 ) -> tuple[Float32, int]:
-    """Disparities (n, W) moved once, which last until the next call, and how many moved far.
+    """Disparities (n, W), averaged ones moved once, which last until the next call, and how many moved far.
 
     Windows reach ``half_height`` rows up and down; ``rows`` are the first and the step of those of the disparities.
     """
     room = Room.of(amplitude.shape)
-    smooth = along_surface(disparity_px, half_width, half_height, (room.apart, room.smooth))
     moving = measure(
-        *greys, smooth, amplitude, *rows, 2 * half_width + 1, half_height, np.float32(settings.image_noise),
+        *greys, smooth_px, amplitude, *rows, 2 * half_width + 1, half_height, np.float32(settings.image_noise),
         least_power(settings), room.apart, room.power, room.found,
     )  # fmt: skip
     return room.found, moving
@@ -188,32 +194,7 @@ def check_greys(match: Match, greys: tuple[Float32, Float32], amplitude: Float32
     """Set in place to NaN the disparities where the two views look different; parameters of :func:`match_greys`."""
     power, met, apart = (np.empty_like(amplitude) for _ in range(3))
     compare(*greys, match.disparity_px, amplitude, np.float32(settings.image_noise), power, met, apart)
-    drop_foreign(match.disparity_px, least_difference(apart, ROW_WINDOW), amplitude, settings)
-
-
-def least_difference(apart: Float32, window: tuple[int, int]) -> Float32:
-    """Mean difference (H, W) of the best window (columns, rows) that holds the pixel: some lie on one surface."""
-    return np.asarray(cv2.erode(cv2.blur(apart, window), np.ones(window[::-1], dtype=np.uint8)))
-
-
-def drop_foreign(disparity_px: Float32, apart: Float32, amplitude: Float32, settings: Settings) -> None:
-    """Set in place to NaN the disparities whose views differ by more than noise and the allowed misfit."""
-    limits = np.array([2.0 * settings.image_noise, settings.max_misfit], dtype=np.float32)
-    clear_foreign(disparity_px, apart, amplitude, limits)
-
-
-@njit(parallel=True, cache=True)
-def clear_foreign(disparity, apart, amplitude, limits):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`drop_foreign`."""
-    for y in prange(disparity.shape[0]):
-        clear_foreign_row(disparity[y], apart[y], amplitude[y], limits[0], limits[1])
-
-
-@njit(**ROW)
-def clear_foreign_row(disparity, apart, amplitude, noise, share):  # type: ignore[no-untyped-def]
-    """One row of :func:`clear_foreign`."""
-    for x in range(disparity.size):
-        disparity[x] = np.float32(np.nan) if apart[x] > noise + share * amplitude[x] else disparity[x]
+    drop_foreign(match.disparity_px, apart, amplitude, 0, settings)
 
 
 @njit(parallel=True, cache=True)

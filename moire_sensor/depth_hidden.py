@@ -35,12 +35,12 @@ def drop_of_rows(disparity):  # type: ignore[no-untyped-def]
     height, width = disparity.shape
     for task in prange(TASKS):
         marks, edges = marks_for(width), np.empty(width + 1, dtype=np.int32)
-        nearest = np.empty(width, dtype=np.float32)
+        nearest, seen = np.empty(width, dtype=np.float32), np.empty(width + 2, dtype=np.float32)
+        columns = np.empty(width + 2, dtype=np.int32)
         for y in range(np.int64(task), height, TASKS):
             count = list_edges(disparity[y], STEADY_PX, marks, edges)
             if may_hide(disparity[y], edges, count):
-                nearest[:] = NOTHING
-                claim_both(disparity[y], disparity[y] == disparity[y], nearest)
+                claim_both(disparity[y], disparity[y] == disparity[y], NOTHING, columns, seen, nearest)
                 keep_least(nearest)
                 clear_behind(nearest, disparity[y])
 

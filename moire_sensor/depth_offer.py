@@ -95,14 +95,18 @@ def fits(  # type: ignore[no-untyped-def]
 ):
     """Disparity of an offered plane as the row moves it, its difference in amplitudes (inf: refused), its variance.
 
-    ``bright`` and ``background`` are those of the trusted pixel in column ``x0``. Light is looked at only where the
-    difference is less than ``limit``.
+    ``bright`` and ``background`` are those of the trusted pixel in column ``x0``. What cannot get below ``limit`` is
+    refused, and light is looked at only where the difference is less.
     """
     disparity, along, across = offer
     refused = np.float32(np.inf)
     if taken_however_moved(claim, y, x, disparity):
         return disparity, refused, refused
     if not lit_so(left[np.uint64(y), np.uint64(x)], background, bright, map_, x, y, disparity, limits[1]):
+        return disparity, refused, refused
+    # A move takes off what fringes so steep all over the window would, at most.
+    difference = small_difference(left, right, y, x, disparity, along, across, bright, sums)
+    if difference > (limit + LARGEST_MOVE_PX * limits[0]) * bright:
         return disparity, refused, refused
     aside = ROW_SPAN_PX if x0 > x else ROW_SPAN_PX // 2 if x0 == x else 0
     shift, power, variance = row_match(left, right, y, x, disparity, along, x + aside - ROW_SPAN_PX)
@@ -115,7 +119,8 @@ def fits(  # type: ignore[no-untyped-def]
     disparity += moved
     if taken(claim, y, x, disparity):
         return disparity, refused, variance
-    difference = small_difference(left, right, y, x, disparity, along, across, bright, sums)
+    if moved != np.float32(0.0):
+        difference = small_difference(left, right, y, x, disparity, along, across, bright, sums)
     if difference < limit * bright and not is_lit(left, background, bright, map_, y, x, disparity, along, limits[1]):
         return disparity, refused, variance
     return disparity, difference / bright + MOVE_COST * abs(moved), variance

@@ -12,6 +12,7 @@ from numba import njit, prange
 from moire_sensor.apart import NAN_SAFE
 from moire_sensor.depth_claims import claim_both
 from moire_sensor.depth_offer import NO_CLAIM, RIM_PX
+from moire_sensor.depth_runs import TASKS
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.scratch import scratch
 
@@ -121,7 +122,8 @@ def step_away(trust, before, away):  # type: ignore[no-untyped-def]
 @njit(parallel=True, fastmath=NAN_SAFE, cache=True)
 def fill_claims(disparity, trust, claim):  # type: ignore[no-untyped-def]
     """Fill ``claim`` (H, W): trusted pixels claim the two right pixels they fall between."""
-    for row in prange(disparity.shape[0]):
-        y = np.int64(row)
-        claim[y, :] = NO_CLAIM
-        claim_both(disparity[y], trust[y], claim[y])
+    height, width = disparity.shape
+    for task in prange(TASKS):
+        columns, seen = np.empty(width + 2, dtype=np.int32), np.empty(width + 2, dtype=np.float32)
+        for y in range(np.int64(task), height, TASKS):
+            claim_both(disparity[y], trust[y], NO_CLAIM, columns, seen, claim[y])

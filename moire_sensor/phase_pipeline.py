@@ -178,7 +178,7 @@ class PhasePipeline:
             if way.single and seek(match, greys, seen, self._projector, self._orders, half_width, self.settings):
                 # What was found may show that a strip beside it is a phantom.
                 drop_phantoms(match, greys, seen.amplitude, self._projector, self.settings)
-            extend(match, greys, seen, self._projector, self._rad_per_px, self.settings)
+            extend(match, greys, seen, self._projector, self._rad_per_px, self.settings, way.row_step)
             sharpen(match, greys, seen.amplitude)
             bridge(match, greys, seen.amplitude, self._rad_per_px, self.settings)
             close_rims(match, greys[0], seen, self._projector, self.settings)

@@ -266,12 +266,34 @@ def slow_lit(left: Float32, y: int, x: int, disparity: float, along: float) -> b
     return False
 
 
-def slow_round(views: tuple[Float32, Float32], images: Array, trust: Mask, todo: Mask) -> Array:
+def rows_in_order(height: int, first_rows: int) -> list[tuple[int, int]]:
+    """Rows, and how far away those are that were looked at before and may speak for them; 0 for none."""
+    order = [(y, 0) for y in range(0, height, first_rows)]
+    while first_rows > 1:
+        first_rows //= 2
+        order += [(y, first_rows) for y in range(first_rows, height, 2 * first_rows)]
+    return order
+
+
+def like_both(here: float, before: float, after: float) -> bool:
+    """Whether a pixel is like those of two rows that were looked at: on their surface, or unknown as both."""
+    if np.isnan(here):
+        return bool(np.isnan(before) and np.isnan(after))
+    return bool(abs(here - before) <= JUMP and abs(here - after) <= JUMP)
+
+
+def slow_round(views: tuple[Float32, Float32], images: Array, trust: Mask, todo: Mask, first_rows: int) -> Array:
     """One round of the assignment on (4, H, W) images of a match."""
     disparity, result = images[0], images.copy()
     claim = slow_claims(disparity, trust)
     allowed = 2 * NOISE / AMPLITUDE + Settings().max_border_misfit
-    for y, x in np.argwhere(todo & ~trust):
+    height, width = disparity.shape
+    for (y, away), x in itertools.product(rows_in_order(height, first_rows), range(width)):
+        if trust[y, x] or not todo[y, x]:
+            continue
+        rows = result[0, [y - away, min(y + away, height - 1)], x]
+        if away and y + away < height and like_both(disparity[y, x], *rows):
+            continue
         planes = [(at[1], slow_plane(disparity, y, x, *at), False) for at in slow_neighbours(trust, y, x)]
         good: list[tuple[float, float, float]] = []
         for x0, plane, alone in planes + slow_runs(disparity, trust, y, x):
@@ -292,11 +314,11 @@ def slow_round(views: tuple[Float32, Float32], images: Array, trust: Mask, todo:
     return result
 
 
-def slow_extend(views: tuple[Float32, Float32], match: Match) -> Array:
+def slow_extend(views: tuple[Float32, Float32], match: Match, row_step: int) -> Array:
     """Both rounds on the (4, H, W) images of a match."""
     images = np.stack([match.disparity_px, match.sigma_px, match.signed_mismatch_rad, match.mismatch_rad])
     trust = fresh = slow_trusted(images[0])
-    for _ in range(border.ROUNDS):
+    for apart in border.ROUNDS:
         height, width = fresh.shape
         reach, further = depth_trust.REACH_PX, depth_trust.REACH_PX + depth_trust.HOLE_REACH_PX
         near, holes = (
@@ -304,7 +326,7 @@ def slow_extend(views: tuple[Float32, Float32], match: Match) -> Array:
                        for x in range(width)] for y in range(height)]) for aside in (reach, further)
         )  # fmt: skip
         todo = near | (holes & np.isnan(images[0]))
-        images = slow_round(views, images, trust, todo)
+        images = slow_round(views, images, trust, todo, apart * row_step)
         before, trust = trust, slow_trusted(images[0])
         fresh = trust & ~before
     return images

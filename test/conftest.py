@@ -11,13 +11,14 @@ from typing import Any
 import pytest
 from source_scan import imported_packages
 
+from moire_sensor.idle_threads import let_idle_threads_sleep
 from tools.ros_domain import isolate_ros
 
 # Test files that start nodes without the helper for it.
 START_NODES = {"test_demo", "test_docs_reference", "test_soak"}
 
-# Idle kernel threads sleep, as in the executables; set before any test module imports numba.
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+# As in the executables; before any test module runs a kernel.
+let_idle_threads_sleep()
 # Held for the life of the test process; set before any test module imports rclpy.
 atexit.register(isolate_ros().close)
 

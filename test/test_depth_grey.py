@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from dense_rigs import Array, Float32, outside_rig
 
+from moire_sensor.depth_foreign import drop_foreign
 from moire_sensor.depth_grey import (
     add_moves,
     approach_greys,
     check_greys,
     compare,
-    least_difference,
     match_greys,
     measures_by_stereo,
     right_as_left,
@@ -193,14 +193,26 @@ def test_what_the_last_round_moved_is_added_to_sigma() -> None:
     assert np.isfinite(sigma).all()
 
 
-def test_least_difference_is_that_of_the_best_window_that_holds_the_pixel() -> None:
-    apart = np.random.default_rng(5).uniform(0.0, 9.0, (16, 24)).astype(np.float32)
-    means = {(y, x): apart[y - 1 : y + 2, x - 2 : x + 3].mean() for y in range(1, 15) for x in range(2, 22)}
-    found = least_difference(apart, (5, 3))
-    for y in range(2, 14):
-        for x in range(4, 20):
-            around = (means[y + down, x + aside] for down in (-1, 0, 1) for aside in range(-2, 3))
-            assert found[y, x] == pytest.approx(min(around), rel=1e-5)
+@pytest.mark.parametrize("half_rows", [0, 1])
+def test_a_pixel_is_foreign_if_the_views_differ_in_every_window_that_holds_it(half_rows: int) -> None:
+    height, width = 130, 24
+    apart = np.random.default_rng(5).uniform(0.0, 9.0, (height, width)).astype(np.float32)
+    amplitude = np.full_like(apart, 10.0)
+    mirrored = np.pad(apart, 2, mode="reflect").astype(float)
+    rows = range(-half_rows, half_rows + 1)
+    means = {
+        (y, x): np.mean([mirrored[y + 2 + down, x : x + 5] for down in rows])
+        for y in range(height)
+        for x in range(width)
+    }
+    best = np.array([
+        [min(means.get((y + down, x + aside), np.inf) for down in rows for aside in range(-2, 3)) for x in range(width)]
+        for y in range(height)
+    ])  # fmt: skip
+    disparity, limit = np.full_like(apart, 5.0), float(np.median(best))
+    drop_foreign(disparity, apart, amplitude, half_rows, Settings(image_noise=0.5 * (limit - 1.0), max_misfit=0.1))
+    decided = np.abs(best - limit) > 1e-4
+    np.testing.assert_array_equal(np.isnan(disparity)[decided], (best > limit)[decided])
 
 
 def fringes(columns: Array, amplitude: float) -> Array:

@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from moire_sensor.errors import MoireError, SettingsError
+from moire_sensor.idle_threads import let_idle_threads_sleep
 from moire_sensor.resources import resource_path
 
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -40,14 +41,6 @@ def use_large_message_profile() -> None:
     """Point Fast DDS to the profile of this package unless the user chose one; call it before ``rclpy.init``."""
     if not any(os.environ.get(name) for name in PROFILE_VARIABLES):
         os.environ[PROFILE_VARIABLES[0]] = str(resource_path("config/fastdds.xml"))
-
-
-def let_idle_threads_sleep() -> None:
-    """Keep the kernels' threads from spinning while they wait, which takes a core from head and recorder.
-
-    OpenMP reads the variable when it is loaded, with the first parallel kernel.
-    """
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 
 def keep_freed_memory() -> None:

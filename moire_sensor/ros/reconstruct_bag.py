@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from tqdm import tqdm
 
 from moire_sensor.errors import CaptureError, MoireError
+from moire_sensor.idle_threads import let_idle_threads_sleep
 from moire_sensor.ros.bag_jobs import StopFlag, run_here, run_in_processes, run_on_cluster
 from moire_sensor.ros.bag_metadata import read_metadata
 from moire_sensor.ros.bag_options import read_arguments
 from moire_sensor.ros.bag_task import BagOutcome, BagTask
-from moire_sensor.ros.executable import let_idle_threads_sleep
 from moire_sensor.ros.head_sets import STREAM_TOPICS
 from moire_sensor.ros.reconstruction_settings import read_settings
 

@@ -98,7 +98,7 @@ MAKER_NOTE = (
 SPEED_NOTE = (
     "Time from a pair of images (four pairs for `phase_shift`) to depth, and its ratio to StereoBM(128, 15) as OpenCV"
     " makes it, timed turn by turn in one process: medians. Peers with the settings above, over the whole depth range."
-    " Idle kernel threads sleep (OMP_WAIT_POLICY=passive), as in the nodes. On a busy machine the milliseconds are too"
+    " Idle kernel threads wait as in the nodes (moire_sensor.idle_threads). On a busy machine the milliseconds are too"
     " high; the ratios suffer less."
 )
 STAGE_NOTE = (

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from moire_sensor.idle_threads import let_idle_threads_sleep
 from moire_sim.analytic_scenes import analytic_scene_names
 from tools.bench.accuracy import Record, scene_records
 from tools.bench.conditions import CONDITIONS, DEFAULT, ILLUMINATION, PLAIN_AMBIENT, TEXTURED, Condition
@@ -62,6 +63,7 @@ class Results:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print, and after a whole run write docs/bench.md and its pictures."""
     options = parse(arguments)
+    let_idle_threads_sleep()
     begin = time.monotonic()
     results = measure(options)
     for table in tables_of(results):

@@ -12,6 +12,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from moire_sensor.errors import MoireError
+from moire_sensor.idle_threads import let_idle_threads_sleep
 from tools.figures import (
     board_shift,
     candidates,
@@ -45,6 +46,7 @@ CAPTURE_HEAD = "# A recorded capture\n\nWritten by `make figures`. Grey: unknown
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, draw, and write figures.md with its pictures; 0 when all was written."""
     options = parse(arguments)
+    let_idle_threads_sleep()
     begin = time.monotonic()
     jobs, head = PAPER, HEAD
     if options.capture:
