@@ -19,9 +19,7 @@ COLUMNS = np.float32(2 * HALF_COLUMNS + 1)
 BAND_ROWS = 60
 
 
-def drop_foreign(
-    disparity_px: Float32, apart: Float32, amplitude: Float32, half_rows: int, settings: Settings
-) -> None:
+def drop_foreign(disparity_px: Float32, apart: Float32, amplitude: Float32, half_rows: int, settings: Settings) -> None:
     """Set in place to NaN the disparities whose views differ by more than noise and the allowed misfit.
 
     Parameters
@@ -45,7 +43,9 @@ def clear_foreign(disparity, apart, amplitude, half_rows, limits):  # type: igno
         room = np.empty((2, width + 2 * HALF_COLUMNS), dtype=np.float32)
         for y in range(first - half_rows, min(first + BAND_ROWS, height) + half_rows):
             if 0 <= y < height:
-                above, below = abs(y - half_rows), height - 1 - abs(height - 1 - y - half_rows)
+                # Mirrored at the image's borders.
+                above = min(abs(y - half_rows), height - 1)
+                below = max(height - 1 - abs(height - 1 - y - half_rows), 0)
                 least_along(apart[above], apart[y], apart[below], room[0], room[1], least[y % least.shape[0]])
             else:
                 least[y % least.shape[0], :] = np.inf
