@@ -12,6 +12,7 @@ from numba import njit, prange
 from moire_sensor.apart import BARE, ROW
 from moire_sensor.depth_offer import fringe_cos
 from moire_sensor.depth_refine import Match
+from moire_sensor.depth_runs import TASKS, list_marked, marks_for
 from moire_sensor.depth_trust import JUMP_PX
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_image import Light
@@ -57,17 +58,15 @@ def fill_rims(  # type: ignore[no-untyped-def]
 ):
     """Kernel of :func:`close_rims`: reads ``known`` and writes the last four images (H, W)."""
     height, width = known.shape
-    for row in prange(height):
-        y = np.int64(row)
-        beside = np.zeros(width, dtype=np.uint8)
-        mark_rims(known[max(y - 1, 0)], known[y], known[min(y + 1, height - 1)], beside)
-        for x in range(width):
-            if not beside[x]:
-                continue
-            found, apart = given(known, left, background, amplitude, map_, noise, y, x)
-            if found == found:
-                disparity[y, x], sigma[y, x] = found, SIGMA_PX
-                signed[y, x], mismatch[y, x] = np.float32(np.nan), apart
+    for task in prange(TASKS):
+        marks, places = marks_for(width), np.empty(width, dtype=np.int64)
+        for y in range(np.int64(task), height, TASKS):
+            mark_rims(known[max(y - 1, 0)], known[y], known[min(y + 1, height - 1)], marks)
+            for x in places[: list_marked(marks, places)]:
+                found, apart = given(known, left, background, amplitude, map_, noise, y, x)
+                if found == found:
+                    disparity[y, x], sigma[y, x] = found, SIGMA_PX
+                    signed[y, x], mismatch[y, x] = np.float32(np.nan), apart
 
 
 @njit(**ROW)

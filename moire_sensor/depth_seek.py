@@ -15,7 +15,7 @@ from moire_sensor.apart import BARE, NAN_SAFE
 from moire_sensor.depth_claims import claim_nearest
 from moire_sensor.depth_narrow import STEP_PX
 from moire_sensor.depth_refine import Match
-from moire_sensor.depth_runs import WORD, list_marked, marks_for
+from moire_sensor.depth_runs import TASKS, WORD, list_marked, marks_for
 from moire_sensor.depth_seek_chain import (
     APART,
     HIGHEST,
@@ -74,26 +74,27 @@ def seek(
 def seek_rows(disparity, left, right, map_, limits, least_px, found):  # type: ignore[no-untyped-def]
     """Fill ``found`` (n, W) with the disparities of the rows looked at, NaN where nothing is."""
     width = disparity.shape[1]
-    for number in prange(found.shape[0]):
-        first = np.int64(number) * ROWS_PX
-        y, line = first + MEAN_PX // 2, found[number]
-        line[:] = np.float32(np.nan)
+    for task in prange(TASKS):
         room, places = np.empty((9, width), dtype=np.float32), np.empty(width, dtype=np.int64)
         sure, claims = room[2], room[5]
-        fill_sure(disparity[y], least_px, sure)
-        claims[:] = np.float32(np.nan)
-        claim_nearest(sure, claims)
-        fill_sides(claims, room[6], room[7])
-        over = fill_left_over(sure, claims, room[6], room[7], places)
-        if over == 0:
-            continue
-        fill_mean(left, first, first + MEAN_PX, room[0])
-        fill_mean(right, first, first + MEAN_PX, room[1])
-        fill_sides(sure, room[3], room[4])
-        rows = room[0], room[1], sure, room[3], room[4], room[6], room[7]
-        if seek_row(rows, places[:over], map_, limits, least_px, y, room[8], line) > 0:
-            close_holes(line)
-            reach_out(line, rows, room[8])
+        for number in range(np.int64(task), found.shape[0], TASKS):
+            first = number * ROWS_PX
+            y, line = first + MEAN_PX // 2, found[number]
+            line[:] = np.float32(np.nan)
+            fill_sure(disparity[y], least_px, sure)
+            claims[:] = np.float32(np.nan)
+            claim_nearest(sure, claims)
+            fill_sides(claims, room[6], room[7])
+            over = fill_left_over(sure, claims, room[6], room[7], places)
+            if over == 0:
+                continue
+            fill_mean(left, first, first + MEAN_PX, room[0])
+            fill_mean(right, first, first + MEAN_PX, room[1])
+            fill_sides(sure, room[3], room[4])
+            rows = room[0], room[1], sure, room[3], room[4], room[6], room[7]
+            if seek_row(rows, places[:over], map_, limits, least_px, y, room[8], line) > 0:
+                close_holes(line)
+                reach_out(line, rows, room[8])
 
 
 @njit(fastmath=NAN_SAFE, error_model="numpy")
