@@ -24,9 +24,8 @@ from moire_sensor.phase_image import Light
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
 
-# What the first round gives to a surface lets the second trust its neighbours, and then rows so many times as far apart
-# are looked at whole.
-ROUNDS = (1, 2)
+# What the first round gives to a surface lets the second trust its neighbours.
+ROUNDS = 2
 # Planes are offered from all sides, runs from left and right.
 OFFERS = SIDES + 2
 NOTHING = (np.float32(np.nan), np.float32(0.0), np.float32(0.0))
@@ -59,10 +58,10 @@ def extend(
     room = Trust.of(match.disparity_px.shape)
     limits = np.array([rad_per_px, settings.image_noise, settings.max_border_misfit], dtype=np.float32)
     first_rows = 1 << (row_step.bit_length() - 1)
-    for apart in ROUNDS:
+    for _ in range(ROUNDS):
         room.look(match.disparity_px)
         assign(
-            first_rows * apart, room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
+            first_rows, room.trust, room.near, room.disparity, room.above, room.below, room.claim, *greys,
             light.background, light.amplitude, projector.packed(), limits, *match.images(),
         )  # fmt: skip
 

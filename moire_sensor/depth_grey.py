@@ -89,7 +89,7 @@ def match_greys(
 
     Parameters
     ----------
-    match : disparities within a pixel or so of the truth, but for few, averaged along their surface.
+    match : disparities within a pixel or so of the truth, but for few.
     greys : left, and right with the grey levels of the left (:func:`right_as_left`), (H, W) float32.
     amplitude : fringe amplitude of the left image (H, W).
     half_width : half of a period, pixels.
@@ -101,16 +101,14 @@ def match_greys(
         images are those of ``match``, whose sigma is filled anew.
     """
     disparity, room = match.disparity_px, Room.of(amplitude.shape)
-    window = half_width, settings.half_height_grey_px
     for number in range(ROUNDS_ON_TEXTURE - 1):
-        smooth = disparity if number == 0 else along_surface(disparity, *window, (room.apart, room.smooth))
-        disparity, moving = moved(smooth, greys, amplitude, *window, settings)
+        disparity, moving = one_round(disparity, greys, amplitude, half_width, settings.half_height_grey_px, settings)
         if number == 0 and moving <= MOVING_SHARE * np.count_nonzero(disparity == disparity):
             break
-    noise = typical_noise(room.apart)
-    fill_sigma(room.apart, room.power, 2 * half_width + 1, window[1], least_power(settings), noise, match.sigma_px)
+    window = 2 * half_width + 1, settings.half_height_grey_px
+    fill_sigma(room.apart, room.power, *window, least_power(settings), typical_noise(room.apart), match.sigma_px)
     if number > 0:
-        add_moves(match.sigma_px, np.subtract(disparity, room.smooth, out=room.smooth), *window)
+        add_moves(match.sigma_px, np.subtract(disparity, room.smooth, out=room.smooth), half_width, window[1])
     drop_foreign(disparity, room.apart, amplitude, HALF_MISFIT_ROWS, settings)
     return replace(match, disparity_px=disparity)
 
@@ -136,20 +134,15 @@ def add_moves(sigma_px: Float32, moves_px: Float32, half_width: int, half_height
 def approach_greys(
     match: Match, greys: tuple[Float32, Float32], phase: PhaseImage, half_width: int, settings: Settings
 ) -> Match:
-    """The first round of :func:`match_greys`, for the rows (n, W) of the left ``phase``: match within a few pixels.
-
-    Its disparities, which last until the next call in this thread, are averaged along their surface for the second one.
-    """
-    room = Room.of(phase.amplitude.shape)
-    window = half_width, -(-settings.half_height_grey_px // phase.row_step)
+    """The first round of :func:`match_greys`, for the rows (n, W) of the left ``phase``: match within a few pixels."""
+    half_height = -(-settings.half_height_grey_px // phase.row_step)
     rows = phase.first_row, phase.row_step
-    smooth = along_surface(match.disparity_px, *window, (room.apart, room.smooth))
-    found, _ = moved(smooth, greys, phase.amplitude, *window, settings, rows)
-    return replace(match, disparity_px=along_surface(found, *window, (room.apart, room.smooth)))
+    found, _ = one_round(match.disparity_px, greys, phase.amplitude, half_width, half_height, settings, rows)
+    return replace(match, disparity_px=found)
 
 
-def moved(
-    smooth_px: Float32,
+def one_round(
+    disparity_px: Float32,
     greys: tuple[Float32, Float32],
     amplitude: Float32,
     half_width: int,
@@ -157,13 +150,14 @@ def moved(
     settings: Settings,
     rows: tuple[int, int] = (0, 1),
 ) -> tuple[Float32, int]:
-    """Disparities (n, W), averaged ones moved once, which last until the next call, and how many moved far.
+    """Disparities (n, W) moved once, which last until the next call, and how many moved far.
 
     Windows reach ``half_height`` rows up and down; ``rows`` are the first and the step of those of the disparities.
     """
     room = Room.of(amplitude.shape)
+    smooth = along_surface(disparity_px, half_width, half_height, (room.apart, room.smooth))
     moving = measure(
-        *greys, smooth_px, amplitude, *rows, 2 * half_width + 1, half_height, np.float32(settings.image_noise),
+        *greys, smooth, amplitude, *rows, 2 * half_width + 1, half_height, np.float32(settings.image_noise),
         least_power(settings), room.apart, room.power, room.found,
     )  # fmt: skip
     return room.found, moving

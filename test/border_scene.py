@@ -318,7 +318,7 @@ def slow_extend(views: tuple[Float32, Float32], match: Match, row_step: int) -> 
     """Both rounds on the (4, H, W) images of a match."""
     images = np.stack([match.disparity_px, match.sigma_px, match.signed_mismatch_rad, match.mismatch_rad])
     trust = fresh = slow_trusted(images[0])
-    for apart in border.ROUNDS:
+    for _ in range(border.ROUNDS):
         height, width = fresh.shape
         reach, further = depth_trust.REACH_PX, depth_trust.REACH_PX + depth_trust.HOLE_REACH_PX
         near, holes = (
@@ -326,7 +326,7 @@ def slow_extend(views: tuple[Float32, Float32], match: Match, row_step: int) -> 
                        for x in range(width)] for y in range(height)]) for aside in (reach, further)
         )  # fmt: skip
         todo = near | (holes & np.isnan(images[0]))
-        images = slow_round(views, images, trust, todo, apart * row_step)
+        images = slow_round(views, images, trust, todo, row_step)
         before, trust = trust, slow_trusted(images[0])
         fresh = trust & ~before
     return images
