@@ -16,7 +16,7 @@ from moire_sensor.depth_around import SIDES, dimmest, last_of, neighbour, next_o
 from moire_sensor.depth_narrow import NO_RUN, has_narrow_run, run_offered
 from moire_sensor.depth_offer import fits, plane_offered, taken
 from moire_sensor.depth_refine import Match
-from moire_sensor.depth_runs import list_marked, marks_for
+from moire_sensor.depth_runs import TASKS, list_marked, marks_for
 from moire_sensor.depth_trust import JUMP_PX, Trust
 from moire_sensor.depth_window import LANES, small_difference
 from moire_sensor.phase_carrier import Float32
@@ -166,18 +166,17 @@ def assign(  # type: ignore[no-untyped-def]
     while away > 0:
         # Of the first rows all; later those between.
         first, step = (0, away) if away == first_rows else (away, 2 * away)
-        rows = (height - first + step - 1) // step
-        for number in prange(rows):
-            y = first + step * interleaved(np.int64(number), rows)
+        for task in prange(TASKS):
             marks, places = marks_for(width), np.empty(width, dtype=np.int64)
-            mark_doubtful(trust[y], near[y], disparity[y], marks)
-            if away < first_rows and y + away < height:
-                unmark_between(disparity[y], new_disparity[y - away], new_disparity[y + away], marks)
-            judge_row(
-                places[: list_marked(marks, places)], trust[y], disparity, above, below, claim, y, left, right,
-                background, amplitude, map_, limits, np.empty(LANES, dtype=np.float32), new_disparity, new_sigma,
-                new_signed, new_mismatch,
-            )  # fmt: skip
+            sums = np.empty(LANES, dtype=np.float32)
+            for y in range(first + step * np.int64(task), height, step * TASKS):
+                mark_doubtful(trust[y], near[y], disparity[y], marks)
+                if away < first_rows and y + away < height:
+                    unmark_between(disparity[y], new_disparity[y - away], new_disparity[y + away], marks)
+                judge_row(
+                    places[: list_marked(marks, places)], trust[y], disparity, above, below, claim, y, left, right,
+                    background, amplitude, map_, limits, sums, new_disparity, new_sigma, new_signed, new_mismatch,
+                )  # fmt: skip
         away //= 2
 
 
@@ -217,10 +216,3 @@ def unmark_between(disparity, before, after, marks):  # type: ignore[no-untyped-
         alike = (abs(disparity[x] - before[x]) <= JUMP_PX) & (abs(disparity[x] - after[x]) <= JUMP_PX)
         alike |= (disparity[x] != disparity[x]) & (before[x] != before[x]) & (after[x] != after[x])
         marks[x] = marks[x] & (not alike)
-
-
-@njit(forceinline=True, **BARE)
-def interleaved(number, count):  # type: ignore[no-untyped-def]
-    """Which of ``count`` rows a task takes: every other one first, so that threads share busy parts of the image."""
-    half = (count + 1) // 2
-    return 2 * number if number < half else 2 * (number - half) + 1

@@ -56,4 +56,3 @@ def mark_edges(line, limit, marks):  # type: ignore[no-untyped-def]
         here, before = line[x], line[x - 1]
         known = (here == here) | (before == before)
         marks[x] = known & (not abs(here - before) <= limit)
-
