@@ -42,6 +42,9 @@ class FitTable:
     @classmethod
     def build(cls, phase_rad: Array, rad_per_px: Array, half_width: int, half_height: int, ripple: float) -> FitTable:
         """Table of a carrier (H, W) for windows of 2 n + 1 columns and rows."""
+        if (phase_rad == phase_rad[:1]).all():
+            # One window's rows tell as much as all of them.
+            phase_rad, rad_per_px = phase_rad[: 2 * half_height + 1], rad_per_px[: 2 * half_height + 1]
         first = min(half_height, phase_rad.shape[0] - 1)
         last = max(phase_rad.shape[0] - 1 - half_height, first)
         rows = np.append(np.arange(first, last, ROW_STEP), last)
@@ -64,15 +67,17 @@ class WindowMoments:
     def __init__(
         self, phase_rad: Array, half_width: int, half_height: int, at: tuple[npt.NDArray[np.int64], ...]
     ) -> None:
-        self._phase_rad, self._at = phase_rad, at
+        self._at = at
+        # Harmonics 1 and 2 of the whole image; all sums are of these.
+        self._waves = {n: (np.cos(n * phase_rad), np.sin(n * phase_rad)) for n in (1, 2)}
         self._columns = np.arange(-half_width, half_width + 1, dtype=np.float64)
         self._rows = np.ones(2 * half_height + 1)
 
     def of(self, power: int, harmonic: int) -> npt.NDArray[np.complex128]:
-        """Sum of t^power exp(i harmonic theta)."""
-        phase = harmonic * self._phase_rad
-        real, imaginary = (cv2.sepFilter2D(f(phase), -1, self._columns**power, self._rows) for f in (np.cos, np.sin))
-        turned = (real[self._at] + 1j * imaginary[self._at]) * np.exp(-1j * phase[self._at])
+        """Sum of t^power exp(i harmonic theta), harmonic 1 or 2."""
+        cos, sin = self._waves[harmonic]
+        real, imaginary = (cv2.sepFilter2D(wave, -1, self._columns**power, self._rows) for wave in (cos, sin))
+        turned = (real[self._at] + 1j * imaginary[self._at]) * (cos[self._at] - 1j * sin[self._at])
         return np.asarray(turned)
 
     def normal_matrices(self) -> Array:

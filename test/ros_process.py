@@ -36,7 +36,7 @@ def ros_node(name: str) -> Iterator[Node]:
 
 def spin_until(node: Node, happened: Callable[[], bool], what: str, timeout_s: float = TIMEOUT_S) -> None:
     """Handle messages until ``happened()``; an AssertionError naming ``what`` after the timeout."""
-    executor = SingleThreadedExecutor()
+    executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     deadline = time.monotonic() + timeout_s
     try:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from ros_process import spin_until
+from sensor_msgs.msg import PointCloud2
 
 from tools.bench.figures import latency_table
-from tools.bench.latency import CASES, LatencyRecord
+from tools.bench.latency import CASES, LatencyRecord, listener
 from tools.node_counts import dropped_counts, set_counts
 
 
@@ -37,3 +40,17 @@ def test_every_set_is_counted_by_what_became_of_it() -> None:
     assert (counts["matched"], counts["ended"], counts["refused: bad image"]) == (9, 9, 2)
     assert dropped_counts(message) == {"dropped: missing right": 3}
     assert set_counts(DiagnosticArray()) == {} == dropped_counts(DiagnosticArray())
+
+
+def test_what_one_case_subscribed_is_not_published_in_the_next() -> None:
+    context = rclpy.Context()
+    context.init()
+    observer = rclpy.create_node("observer", context=context, namespace="head")
+    try:
+        with listener() as node:
+            node.create_subscription(PointCloud2, "points", lambda _: None, 1)
+            spin_until(observer, lambda: observer.count_subscribers("points") == 1, "the subscription")
+        spin_until(observer, lambda: observer.count_subscribers("points") == 0, "its end")
+    finally:
+        observer.destroy_node()
+        context.try_shutdown()

@@ -32,7 +32,7 @@ from moire_sensor.phase_single import (
     phase_from_single,
 )
 from moire_sensor.phase_sums import SUM_ROOM, sum_windows
-from moire_sensor.phase_table import ripple_factor
+from moire_sensor.phase_table import FitTable, ripple_factor
 from moire_sensor.phase_windows import SHIFT_PENALTY, pick_row, room_for
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.settings import Settings
@@ -350,3 +350,15 @@ def test_window_does_not_straddle_a_jump() -> None:
     found = phase_from_single(image, carrier, 0.0, Settings())
     off = np.abs(np.angle(np.exp(1j * (found.offset_rad - step))))
     assert np.nanmax(off) < 0.02
+
+
+def test_rows_that_are_all_the_same_need_the_constants_of_one_window() -> None:
+    """As many as are worked out where one pixel far below the first window differs."""
+    columns = np.arange(96.0)
+    phase = np.tile(0.55 * columns + 4e-4 * columns**2, (40, 1))
+    unlike = phase.copy()
+    unlike[-1, -1] += 1e-9
+    speed = np.gradient(phase, axis=1)
+    short, whole = (FitTable.build(rows, speed, half_width=5, half_height=2, ripple=0.3) for rows in (phase, unlike))
+    assert short.rows.tolist() == whole.rows.tolist() == [2]
+    np.testing.assert_array_equal(short.entries, whole.entries)

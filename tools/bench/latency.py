@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -131,13 +132,24 @@ def latency_records(cases: Sequence[LatencyCase], seconds: float = SECONDS) -> I
     keep_freed_memory()
     with isolate_ros(), tempfile.TemporaryDirectory() as folder:
         for number, case in enumerate(cases):
-            rclpy.init()
-            try:
-                place = Path(folder) / str(number)
-                place.mkdir()
-                yield measured(case, rclpy.create_node("bench", namespace="head"), seconds, place)
-            finally:
-                rclpy.try_shutdown()
+            place = Path(folder) / str(number)
+            place.mkdir()
+            with listener() as node:
+                yield measured(case, node, seconds, place)
+
+
+@contextmanager
+def listener() -> Iterator[Node]:
+    """Make a node that is gone afterwards: a mere shutdown leaves its subscriptions, and results are made for them."""
+    rclpy.init()
+    try:
+        node = rclpy.create_node("bench", namespace="head")
+        try:
+            yield node
+        finally:
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
 
 
 def measured(case: LatencyCase, node: Node, seconds: float, folder: Path) -> LatencyRecord:
