@@ -13,6 +13,7 @@ from moire_sensor.errors import ImageError, MoireError, PatternError, RigError
 from moire_sensor.ros.diagnostics import DiagnosticsPublisher
 from moire_sensor.ros.head_inputs import HeadInputs
 from moire_sensor.ros.reconstruction_report import RECONSTRUCTED, REFUSED, InputState, Report, WorkState
+from moire_sensor.ros.spare_moment import SpareMoment
 from moire_sensor.ros.tally import Tally
 from moire_sensor.ros.thresholds import Thresholds
 
@@ -43,7 +44,7 @@ class Health:
         self._report = Report()
         self._found: tuple[float, Callable[[], dict[str, Any]]] = (-math.inf, dict)
         self._alignment: dict[str, Any] = {}
-        self._checked_s = -math.inf
+        self._spare_moment = SpareMoment()
         self._silent: set[str] = set()
 
     def count(self, name: str, number: int = 1) -> None:
@@ -59,11 +60,12 @@ class Health:
         """Count a set refused for an error."""
         self.refuse(REASONS.get(type(error), "bad settings"), str(error))
 
-    def note_alignment(self, measure: Callable[[], dict[str, Any]]) -> None:
-        """In the worker's thread: measure what is too dear for every set, once in ``check_period_s``."""
-        now_s = time.monotonic()
-        if now_s - self._checked_s >= self.limits.check_period_s:
-            self._checked_s = now_s
+    def note_alignment(self, measure: Callable[[], dict[str, Any]], busy: bool) -> None:
+        """In the worker's thread: measure what is too dear for every set, once in ``check_period_s``.
+
+        While it is ``busy``, with more sets waiting, that is put off, so that none is superseded by it.
+        """
+        if self._spare_moment.is_now(time.monotonic(), self.limits.check_period_s, busy):
             self._alignment = measure()
 
     def note_result(self, header: Header, taken_s: float, facts: Callable[[], dict[str, Any]]) -> None:

@@ -182,7 +182,7 @@ class ReconstructionNode(ManagedNode):
             if results is not None:
                 results.publish(job.header, result.sensor, result.shot, job.output)
             health.note_result(job.header, job.taken_s, result.facts)
-            health.note_alignment(lambda: alignment_facts(job, result, self._cache))
+            health.note_alignment(lambda: alignment_facts(job, result, self._cache), self._worker.has_waiting())
         except MoireError as error:
             health.refuse_for(error)
         except Exception:

@@ -78,6 +78,11 @@ class Worker(Generic[Job]):
         if pushed_out:
             self._superseded(pushed_out)
 
+    def has_waiting(self) -> bool:
+        """Tell whether jobs wait behind the one under way."""
+        with self._changed:
+            return bool(self._waiting)
+
     def is_idle(self) -> bool:
         """Tell whether nothing waits and nothing is under way."""
         with self._changed:
