@@ -59,14 +59,16 @@ class Carrier:
         rad_per_px = np.gradient(phase, axis=1)
         half_width = half_period_px(rad_per_px)
         ripple = ripple_factor(float(np.median(np.abs(rad_per_px))), half_width)
-        unlike = phase[:1] if (phase == phase[:1]).all() else phase
+        # Of rows that are all the same, one tells the carrier, and those of one window tell the table.
+        alike = bool((phase == phase[:1]).all())
+        unlike, window = phase[: 1 if alike else None], slice(2 * half_height_px + 1 if alike else None)
         return cls(
             phase_rad=as_float32(phase),
             cos=as_float32(np.cos(phase)),
             sin=as_float32(np.sin(phase)),
             rows=as_float32(np.stack([np.cos(unlike), np.sin(unlike)])),
             rad_per_px=as_float32(rad_per_px),
-            table=FitTable.build(phase, rad_per_px, half_width, half_height_px, ripple),
+            table=FitTable.build(phase[window], rad_per_px[window], half_width, half_height_px, ripple),
             half_width_px=half_width,
             half_height_px=half_height_px,
             disparity_px=disparity_px,

@@ -42,9 +42,6 @@ class FitTable:
     @classmethod
     def build(cls, phase_rad: Array, rad_per_px: Array, half_width: int, half_height: int, ripple: float) -> FitTable:
         """Table of a carrier (H, W) for windows of 2 n + 1 columns and rows."""
-        if (phase_rad == phase_rad[:1]).all():
-            # One window's rows tell as much as all of them.
-            phase_rad, rad_per_px = phase_rad[: 2 * half_height + 1], rad_per_px[: 2 * half_height + 1]
         first = min(half_height, phase_rad.shape[0] - 1)
         last = max(phase_rad.shape[0] - 1 - half_height, first)
         rows = np.append(np.arange(first, last, ROW_STEP), last)

@@ -353,12 +353,14 @@ def test_window_does_not_straddle_a_jump() -> None:
 
 
 def test_rows_that_are_all_the_same_need_the_constants_of_one_window() -> None:
-    """As many as are worked out where one pixel far below the first window differs."""
-    columns = np.arange(96.0)
-    phase = np.tile(0.55 * columns + 4e-4 * columns**2, (40, 1))
-    unlike = phase.copy()
-    unlike[-1, -1] += 1e-9
-    speed = np.gradient(phase, axis=1)
-    short, whole = (FitTable.build(rows, speed, half_width=5, half_height=2, ripple=0.3) for rows in (phase, unlike))
-    assert short.rows.tolist() == whole.rows.tolist() == [2]
-    np.testing.assert_array_equal(short.entries, whole.entries)
+    """As many as are worked out from all rows, and the same."""
+    projector = small_map(small_rig())
+    carrier = small_carriers(projector, 90.0, rows=2)[0]
+    columns, rows = np.meshgrid(np.arange(float(SMALL[0])), np.arange(float(SMALL[1])))
+    phase = projector.phase_rad_at(columns, rows, 90.0)
+    assert (phase == phase[:1]).all()
+    speed, half_width = np.gradient(phase, axis=1), carrier.half_width_px
+    ripple = ripple_factor(float(np.median(np.abs(speed))), half_width)
+    whole = FitTable.build(phase, speed, half_width, half_height=2, ripple=ripple)
+    assert carrier.table.rows.tolist() == whole.rows.tolist() == [2]
+    np.testing.assert_array_equal(carrier.table.entries, whole.entries)
