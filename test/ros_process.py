@@ -6,32 +6,17 @@ import signal
 import subprocess
 import sysconfig
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from moire_sensor.ros.executable import use_large_message_profile
+from tools.ros_node import ros_node as ros_node
 
 # Bounds for a hang, not measurements: two busy cores start a process with numba in some seconds.
 TIMEOUT_S = 60.0
 EXIT_TIMEOUT_S = 20.0
-
-
-@contextmanager
-def ros_node(name: str) -> Iterator[Node]:
-    """A node in the head's namespace, shut down at the end."""
-    use_large_message_profile()
-    rclpy.init()
-    node = rclpy.create_node(name, namespace="head")
-    try:
-        yield node
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
 
 
 def spin_until(node: Node, happened: Callable[[], bool], what: str, timeout_s: float = TIMEOUT_S) -> None:

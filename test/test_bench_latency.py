@@ -6,11 +6,11 @@ import math
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from ros_process import spin_until
+from ros_process import ros_node, spin_until
 from sensor_msgs.msg import PointCloud2
 
 from tools.bench.figures import latency_table
-from tools.bench.latency import CASES, LatencyRecord, listener
+from tools.bench.latency import CASES, LatencyRecord
 from tools.node_counts import dropped_counts, set_counts
 
 
@@ -47,7 +47,7 @@ def test_what_one_case_subscribed_is_not_published_in_the_next() -> None:
     context.init()
     observer = rclpy.create_node("observer", context=context, namespace="head")
     try:
-        with listener() as node:
+        with ros_node("bench") as node:
             node.create_subscription(PointCloud2, "points", lambda _: None, 1)
             spin_until(observer, lambda: observer.count_subscribers("points") == 1, "the subscription")
         spin_until(observer, lambda: observer.count_subscribers("points") == 0, "its end")

@@ -21,19 +21,18 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image, JointState
 
-from moire_sensor.ros.executable import use_large_message_profile
 from moire_sensor.ros.reconstruction_report import REFUSED, SUPERSEDED
 from tools.demo.processes import NodeProcess
 from tools.demo.record import DemoError, Run, Watch
 from tools.node_counts import ENDED, dropped_counts, set_counts
 from tools.ros_domain import isolate_ros
+from tools.ros_node import ros_node
 
 ALLOWED_GROWTH_MB = 5.0
 SAMPLE_S = 1.0
@@ -185,11 +184,8 @@ def main() -> int:
     parser.add_argument("--scale", type=float, help="size of pictures made once, times 640x480; default: virtual_head")
     options = parser.parse_args()
     lock = isolate_ros()
-    use_large_message_profile()
-    rclpy.init()
     try:
-        node = rclpy.create_node("soak", namespace="head")
-        with tempfile.TemporaryDirectory() as folder:
+        with ros_node("soak") as node, tempfile.TemporaryDirectory() as folder:
             state = soak(options, node, Path(folder))
     except DemoError as error:
         print(f"soak: {error}", file=sys.stderr)
@@ -198,7 +194,6 @@ def main() -> int:
         print("soak: interrupted, no verdict", file=sys.stderr)
         return 1
     finally:
-        rclpy.try_shutdown()
         lock.close()
     growth = ", ".join(f"{name} {state.growth_mb(name):+.1f} MB" for name in state.memory_mb)
     print(f"{summary(state)}; growth {growth}")

@@ -6,13 +6,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -21,7 +19,7 @@ from sensor_msgs.msg import Image, JointState
 
 from moire_sensor.paper_rig import paper_pattern
 from moire_sensor.ros.bag_message import header_stamp_ns
-from moire_sensor.ros.executable import keep_freed_memory, use_large_message_profile
+from moire_sensor.ros.executable import keep_freed_memory
 from moire_sensor.ros.reconstruction_report import REFUSED, SUPERSEDED
 from moire_sensor.ros.result_messages import TOPICS
 from moire_sim import VirtualHead
@@ -29,6 +27,7 @@ from tools.demo.processes import NodeProcess
 from tools.demo.record import Run, Watch
 from tools.node_counts import ENDED, dropped_counts, set_counts
 from tools.ros_domain import isolate_ros
+from tools.ros_node import ros_node
 
 DEPTH, CLOUD = "depth/image_rect", "points"
 RATE_HZ, SECONDS = 30.0, 60.0
@@ -128,28 +127,13 @@ class Outputs:
 
 def latency_records(cases: Sequence[LatencyCase], seconds: float = SECONDS) -> Iterator[LatencyRecord]:
     """Run the cases one after the other in a ROS domain of their own; raises DemoError where a node ends early."""
-    use_large_message_profile()
     keep_freed_memory()
     with isolate_ros(), tempfile.TemporaryDirectory() as folder:
         for number, case in enumerate(cases):
             place = Path(folder) / str(number)
             place.mkdir()
-            with listener() as node:
+            with ros_node("bench") as node:
                 yield measured(case, node, seconds, place)
-
-
-@contextmanager
-def listener() -> Iterator[Node]:
-    """Make a node that is gone afterwards: a mere shutdown leaves its subscriptions, and results are made for them."""
-    rclpy.init()
-    try:
-        node = rclpy.create_node("bench", namespace="head")
-        try:
-            yield node
-        finally:
-            node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
 
 
 def measured(case: LatencyCase, node: Node, seconds: float, folder: Path) -> LatencyRecord:
