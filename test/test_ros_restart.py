@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import select
 import signal
 import subprocess
@@ -62,8 +63,10 @@ with ros_node("slow") as node:
 @contextmanager
 def script(text: str) -> Iterator[subprocess.Popen[str]]:
     """Run a script in a process of its own and kill it at the end."""
+    tests = Path(__file__).parent
+    # The helpers of the tests, and from the working folder the tools.
     process = subprocess.Popen([sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-                               cwd=Path(__file__).parent)  # fmt: skip
+                               cwd=tests.parent, env={**os.environ, "PYTHONPATH": str(tests)})  # fmt: skip
     try:
         yield process
     finally:
