@@ -51,14 +51,14 @@ class Trust:
     claim: Float32
 
     @classmethod
-    def of(cls, shape: tuple[int, int]) -> Trust:
+    def of(cls, shape: tuple[int, ...]) -> Trust:
         """Return this thread's work memory, with nothing trusted."""
         room = scratch(("trust", shape), lambda: cls.make(shape))
         room.trust[:] = 0
         return room
 
     @classmethod
-    def make(cls, shape: tuple[int, int]) -> Trust:
+    def make(cls, shape: tuple[int, ...]) -> Trust:
         """Return new work memory."""
         disparity, claim = np.empty((2, *shape), dtype=np.float32)
         trust, fresh, near, above, below = np.zeros((5, *shape), dtype=np.uint8)

@@ -36,10 +36,11 @@ class OrderSolver:
         self._labels, self._jump_cost = orders.count, jump_cost
         self._runner_up: Int8 = np.full((1, 1), -1, dtype=np.int8)
 
-    def _paths(self, shape: tuple[int, int]) -> OrderPaths:
+    def _paths(self, shape: tuple[int, ...]) -> OrderPaths:
         """The programmes' memory, shared in the thread."""
+        rows, width = shape
         key = ("paths", shape, self._labels, self._jump_cost, get_num_threads())
-        return scratch(key, lambda: OrderPaths(*shape, self._labels, self._jump_cost))
+        return scratch(key, lambda: OrderPaths(rows, width, self._labels, self._jump_cost))
 
     def solve(
         self,

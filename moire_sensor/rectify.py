@@ -137,7 +137,7 @@ class RawCamera:
         raw = raw[..., :2] / raw[..., 2:]
         if any(lens):
             raw = distort_pixels(raw, self.intrinsic, lens)
-        return raw.astype(np.float32)
+        return np.asarray(raw, dtype=np.float32)
 
 
 def common_rotation(left: RawCamera, right: RawCamera) -> Array:

@@ -163,4 +163,4 @@ def orders_between(phase_rad: Array, near_rad: Array, far_rad: Array) -> Array:
     """Fringe orders that a phase (H, W) known but for whole turns can have between two ends, at least 1."""
     least, most = np.minimum(near_rad, far_rad), np.maximum(near_rad, far_rad)
     number = np.floor((most - phase_rad) / TURN) - np.ceil((least - phase_rad) / TURN) + 1.0
-    return np.maximum(number, 1.0)
+    return np.asarray(np.maximum(number, 1.0))

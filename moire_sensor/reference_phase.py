@@ -14,7 +14,7 @@ ComplexArray = npt.NDArray[np.complex128]
 ROUNDS = 6
 
 
-def fringe_signal(image: npt.NDArray[np.floating], carrier_rad: Array, period_px: float) -> ComplexArray:
+def fringe_signal(image: npt.NDArray[np.floating[Any]], carrier_rad: Array, period_px: float) -> ComplexArray:
     """Complex fringe ``b exp(i delta)`` of image rows (H, W) ``a + b cos(carrier + delta)``, by row FFT.
 
     The carrier is moved to frequency 0 and a low pass keeps what varies slower than a fringe. Its spatial form is a

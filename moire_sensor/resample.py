@@ -26,7 +26,7 @@ def resample(image: Grey, pixel_map: npt.NDArray[np.float32]) -> Grey:
     -------
     (H, W) of the image's dtype; 0 where the place lies outside the image or is not finite.
     """
-    result: Grey = np.empty(pixel_map.shape[:2], dtype=image.dtype)
+    result: Grey = np.empty_like(image, order="C", shape=pixel_map.shape[:2])
     fill_sampled(np.ascontiguousarray(image), pixel_map, np.float32(np.iinfo(image.dtype).max), result)
     return result
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -153,7 +153,7 @@ class StereoRig:
         return np.stack([x, y, np.ones_like(x)], axis=-1)
 
     def points(
-        self, depth_m: npt.NDArray[np.floating], out: npt.NDArray[np.float32] | None = None
+        self, depth_m: npt.NDArray[np.floating[Any]], out: npt.NDArray[np.float32] | None = None
     ) -> npt.NDArray[np.float32]:
         """Points of a depth image (H, W) in the left optical frame, (H, W, 3) float32 metres, NaN where unknown.
 

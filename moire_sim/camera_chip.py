@@ -56,7 +56,7 @@ class CameraChip:
         return quantised(np.asarray(signal * np.float32(self.optics.gain), dtype=np.float32), self.bits)
 
 
-def speckle_pattern(optics: Optics, shape: tuple[int, int], key: tuple[int, ...]) -> Image | None:
+def speckle_pattern(optics: Optics, shape: tuple[int, ...], key: tuple[int, ...]) -> Image | None:
     """Factor (H, W) on the projector's light, mean 1, gamma-distributed as of 1 / contrast^2 looks (Goodman 2007, 4.5).
 
     Grains are smaller than a pixel. The pattern is that of ``key``: of seed, camera, and where everything stands.

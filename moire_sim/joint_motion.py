@@ -81,10 +81,15 @@ def extremes(start: Knot, end: Knot) -> tuple[float, float, float]:
     position = cubic(start, end)
     velocity = position[1:] * [1.0, 2.0, 3.0]
     turns = inner_roots(*velocity.tolist())
-    positions = [start.position_rad, end.position_rad, *np.polynomial.polynomial.polyval(turns, position)]
+    positions = [start.position_rad, end.position_rad, *values_at(turns, position)]
     steepest = inner_roots(velocity[1], 2.0 * velocity[2], 0.0)
-    speeds = np.abs(np.polynomial.polynomial.polyval(np.array([0.0, 1.0, *steepest]), velocity))
+    speeds = np.abs(values_at(np.array([0.0, 1.0, *steepest]), velocity))
     return min(positions), max(positions), float(speeds.max()) / (end.time_s - start.time_s)
+
+
+def values_at(parts: Array, coefficients: Array) -> Array:
+    """Values (n,) of a polynomial, constant term first, at parts (n,) of the way."""
+    return np.asarray(np.vander(parts, coefficients.size, increasing=True) @ coefficients)
 
 
 def inner_roots(constant: float, linear: float, square: float) -> Array:

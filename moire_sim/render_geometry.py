@@ -36,6 +36,7 @@ from moire_sim.surface_kernels import fill_bodies, fill_depth
 
 Array = npt.NDArray[np.float64]
 LEFT_OPTICAL_FRAME = "head_left_optical_frame"
+OPENGL_FROM_OPTICAL: Array = np.diag(np.array([1.0, -1.0, -1.0, 1.0]))
 ALBEDO_OF_RED = (np.arange(256) / 255.0).astype(np.float32)
 
 
@@ -131,7 +132,7 @@ class GeometryRenderer:
         _, _, colour, depth, segments = pybullet.getCameraImage(
             width,
             height,
-            column_major(np.diag([1.0, -1.0, -1.0, 1.0]) @ device_from_world),
+            column_major(OPENGL_FROM_OPTICAL @ device_from_world),
             column_major(clip_from_device(view, EGL_CENTRE if self._egl else TINY_CENTRE)),
             lightAmbientCoeff=1.0,
             lightDiffuseCoeff=0.0,

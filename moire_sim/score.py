@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -69,7 +69,7 @@ def score(shot: HasDepth, capture: HeadCapture) -> Score:
     return score_depth(shot.depth_m, capture)
 
 
-def score_depth(depth_m: npt.NDArray[np.floating], capture: HeadCapture) -> Score:
+def score_depth(depth_m: npt.NDArray[np.floating[Any]], capture: HeadCapture) -> Score:
     """Compare a depth image (H, W), metres, NaN where unknown, with the truth of ``capture``.
 
     Raises
@@ -102,12 +102,12 @@ def score_depth(depth_m: npt.NDArray[np.floating], capture: HeadCapture) -> Scor
     )
 
 
-def disparity_error_px(depth_m: npt.NDArray[np.floating], capture: HeadCapture) -> npt.NDArray[np.float64]:
+def disparity_error_px(depth_m: npt.NDArray[np.floating[Any]], capture: HeadCapture) -> npt.NDArray[np.float64]:
     """Disparity minus true disparity (H, W), NaN where either depth is unknown."""
     return np.asarray(capture.rig.disparity_px(depth_m) - capture.rig.disparity_px(capture.depth_m))
 
 
-def scaled_error_mm(depth_m: npt.NDArray[np.floating], capture: HeadCapture) -> npt.NDArray[np.float64]:
+def scaled_error_mm(depth_m: npt.NDArray[np.floating[Any]], capture: HeadCapture) -> npt.NDArray[np.float64]:
     """Absolute depth error (H, W) in millimetres scaled to 1 m, NaN where either depth is unknown."""
     true_m = capture.depth_m.astype(np.float64)
     return np.asarray(np.abs(depth_m - true_m) * 1e3 / true_m**2)

@@ -7,9 +7,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 LEAST_KERNELS = 40
 
 
+@pytest.mark.skipif(
+    np.lib.NumpyVersion(np.__version__) < "2.0.0",
+    reason="kernels are interpreted here, and numpy 1.x makes floats of uint64 and int; what lies apart is the same",
+)
 def test_kernels_over_rows_get_arguments_that_lie_apart() -> None:
     test = Path(__file__).parent
     command = [sys.executable, str(test / "apart_check.py"), str(test.parent), str(test)]

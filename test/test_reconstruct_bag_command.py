@@ -124,8 +124,10 @@ def test_a_signal_ends_in_order_and_the_next_run_goes_on(
     assert f"{bags[0]}: interrupted: give the same command again to go on" in output
     done = run(*command[1:])
     assert done.returncode == 0, done
+    assert row(done.stdout, bags[0])[:3] == ["whole", "10", "10"]
     for bag in bags:
-        assert row(done.stdout, bag)[:3] == ["whole", "10", "10"]
+        # The signal may find any bag but the first whole already.
+        assert " ".join(row(done.stdout, bag)).startswith(("whole 10 10", "whole, done before"))
         stamps = [one.header.stamp for one in of_topic(tmp_path / "out" / bag.name, DEPTH)]
         assert stamps == [one.header.stamp for one in of_topic(dense_bag, DEPTH)]
 

@@ -31,7 +31,7 @@ class View:
     right: npt.NDArray[Any]
     fringe_order: npt.NDArray[np.int16]
     depth_m: npt.NDArray[np.float32]
-    error_mm: npt.NDArray[np.floating]
+    error_mm: npt.NDArray[np.floating[Any]]
     error_title: str
     error_limit_mm: float
     points_m: npt.NDArray[np.float32]

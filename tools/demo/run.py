@@ -8,8 +8,10 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import rclpy
 from tqdm import tqdm
 
@@ -146,7 +148,7 @@ def run_capture_method(capture: Capture, method: str) -> tuple[Outcome, View]:
     return Outcome(run, recording, result, complaints), view
 
 
-def last_images(bag: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def last_images(bag: Path) -> tuple[npt.NDArray[Any], ...]:
     """Return the last left and right image, fringe order and depth of a bag."""
     topics: Sequence[str] = ("left/image_raw", "right/image_raw", "fringe_order/image", "depth/image_rect")
     left, right, order, depth = (read_images(bag, f"/head/{topic}")[-1] for topic in topics)
