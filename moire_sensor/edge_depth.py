@@ -15,12 +15,12 @@ from moire_sensor.edge_input import Image, check_image, check_numbers
 from moire_sensor.edge_lanes import LANES
 from moire_sensor.edge_light import Sums, room_for_light, window_px
 from moire_sensor.edge_match import EdgeMatch, Tables, room_for_matches, room_for_work
-from moire_sensor.edge_noise import Grey
 from moire_sensor.edge_place import BINS
 from moire_sensor.edge_points import EdgePoints, measure
 from moire_sensor.edge_settings import EdgeSettings
 from moire_sensor.edge_solve import solve_image
 from moire_sensor.pattern import FringePattern
+from moire_sensor.plain_image import Grey, as_plain
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.rig import StereoRig
 from moire_sensor.scratch import scratch
@@ -109,8 +109,7 @@ class FringeEdges:
         """The shot, what led to it, and the phase added to the pattern."""
         for name, image in (("left", left), ("right", right)):
             check_image(name, image, self.rig)
-        # In C order whatever came: the kernels compile anew for every other layout.
-        left, right = np.require(left, requirements="C"), np.require(right, requirements="C")
+        left, right = as_plain(left), as_plain(right)
         key = ("edges", self.rig.image_size, self._rays.number, self.rules.same_side_px, left.dtype)
         room = scratch(key, lambda: self.room(left.dtype))
         step_rad = self.pattern.step_phases_rad[first_step % self.pattern.step_count]

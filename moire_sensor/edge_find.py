@@ -11,9 +11,10 @@ from numba import njit
 
 from moire_sensor.edge_crossing import HALF
 from moire_sensor.edge_lanes import LANES, whole_vectors
-from moire_sensor.edge_noise import Grey, camera_noises
+from moire_sensor.edge_noise import camera_noises
 from moire_sensor.edge_scan import SHARE_ROWS, SMOOTHING, scan_rows
 from moire_sensor.edge_settings import EdgeSettings
+from moire_sensor.plain_image import Grey
 
 Float32 = npt.NDArray[np.float32]
 # Noise of an edge over camera noise: the smoothed grey level at the edge, and the mean of the two extrema's.
@@ -84,43 +85,48 @@ def bright_share(images: Sequence[EdgeRows]) -> float:
     Half for a linear projector; gamma makes the bright half narrower. The median over the fringes, up edge to down
     edge to the next up edge; 0.5 when there are none.
     """
-    numbers = np.array([int(edges.whole_fringes.sum()) for edges in images])
-    shares = np.empty(int(numbers.sum()), dtype=np.float32)
-    for edges, end, number in zip(images, np.cumsum(numbers), numbers, strict=True):
-        gather_shares(edges.shares, edges.whole_fringes, shares[end - number : end])
-    return float(median_share(shares)) if shares.size else 0.5
+    return float(median_share(tuple((edges.shares, edges.whole_fringes) for edges in images)))
 
 
 @njit(cache=True)
-def gather_shares(rows, number, shares):  # type: ignore[no-untyped-def]
-    """The first numbers of each row, one behind the other."""
-    end = 0
-    for row in range(number.size):
-        for i in range(number[row]):
-            shares[end + i] = rows[row, i]
-        end += number[row]
+def median_share(images):  # type: ignore[no-untyped-def]
+    """Median of the first numbers, 0 to 1, of the rows of images, pairs of (S, E) and how many they are (S,).
 
-
-@njit(cache=True)
-def median_share(shares):  # type: ignore[no-untyped-def]
-    """Median of numbers (N,) from 0 to 1: those of the bin that holds it are sorted, the others only counted."""
+    Those of the bins that hold it are sorted, the others only counted. 0.5 of none.
+    """
     counts = np.zeros(SHARE_BINS + 1, dtype=np.int64)
-    for n in range(shares.size):
-        counts[np.int64(shares[n] * SHARE_BINS)] += 1
-    middles = (shares.size - 1) // 2, shares.size // 2
-    below, first = np.int64(0), 0
-    while below + counts[first] <= middles[0]:
-        below += counts[first]
-        first += 1
-    last, reached = first, below + counts[first]
-    while reached <= middles[1]:
-        last += 1
-        reached += counts[last]
-    near = np.empty(reached - below, dtype=np.float32)
-    number = 0
-    for n in range(shares.size):
-        if first <= np.int64(shares[n] * SHARE_BINS) <= last:
-            near[number] = shares[n]
-            number += 1
+    for rows, number in images:
+        for row in range(number.size):
+            for n in range(number[row]):
+                counts[bin_of(rows[row, n])] += 1
+    size = np.sum(counts)
+    if size == 0:
+        return HALF
+    first, below = bin_of_rank(counts, (size - 1) // 2)
+    last, before_last = bin_of_rank(counts, size // 2)
+    near = np.empty(before_last + counts[last] - below, dtype=np.float32)
+    found = 0
+    for rows, number in images:
+        for row in range(number.size):
+            for n in range(number[row]):
+                if first <= bin_of(rows[row, n]) <= last:
+                    near[found] = rows[row, n]
+                    found += 1
     near.sort()
-    return HALF * (near[middles[0] - below] + near[middles[1] - below])
+    return HALF * (near[(size - 1) // 2 - below] + near[size // 2 - below])
+
+
+@njit(inline="always")
+def bin_of(share):  # type: ignore[no-untyped-def]
+    """Bin of a number from 0 to 1."""
+    return np.uint64(share * np.float32(SHARE_BINS))
+
+
+@njit
+def bin_of_rank(counts, rank):  # type: ignore[no-untyped-def]
+    """Bin that holds the number of a rank, and how many numbers lie below it."""
+    below, at = np.int64(0), np.uint64(0)
+    while below + counts[at] <= rank:
+        below += counts[at]
+        at += np.uint64(1)
+    return at, below

@@ -11,8 +11,8 @@ from numba import njit
 from moire_sensor.apart import ROW
 from moire_sensor.edge_doubt import DOUBTFUL
 from moire_sensor.edge_light import fill_light
-from moire_sensor.edge_noise import Grey
 from moire_sensor.edge_place import BINS
+from moire_sensor.plain_image import Grey
 from moire_sensor.shot import Status
 
 UNLIT, SATURATED = np.uint8(Status.UNLIT), np.uint8(Status.SATURATED)

@@ -13,7 +13,7 @@ from numba import njit
 
 from moire_sensor.apart import ROW
 from moire_sensor.edge_lanes import LANES
-from moire_sensor.edge_noise import Grey
+from moire_sensor.plain_image import Grey
 
 # Up to so many pixels of 8 bit their sum fits 16 bit.
 MOST_SHORT = 257

@@ -47,9 +47,10 @@ def warm_up() -> None:
     """Load or compile the kernels of this module and of the voxels."""
     cloud = np.ones((RAY_BLOCK_PX, RAY_BLOCK_PX, 4), dtype=np.float32)
     depth_m, confidence, trusted = cloud[..., 2].copy(), cloud[..., 3].copy(), np.ones(cloud.shape[:2], dtype=np.bool_)
-    weigh(cloud, supported(depth_m), confidence, np.ones(3, dtype=np.float32), depth_m, trusted)
+    share = np.empty_like(depth_m)
+    weigh(cloud, supported(depth_m), confidence, np.ones(3, dtype=np.float32), share, trusted)
     ray_ends(cloud, trusted, NavSettings())
-    voxel_means(cloud.reshape(-1, 4), depth_m.reshape(-1), trusted.reshape(-1), 1.0, 0.0)
+    voxel_means(cloud.reshape(-1, 4), confidence.reshape(-1), trusted.reshape(-1), 1.0, 0.0)
 
 
 def obstacle_cloud(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
-# Rows that are looked at, spread over the image, and columns of them.
+# Rows that are looked at, spread over the image, and columns of them where the pixels are.
 ROWS = 30
 EVERY_COLUMN = 3
 # Share of a pixel's light by which a frame must be brighter than the others, and of the fringe that must be harmonic.
@@ -40,18 +40,21 @@ def common_offsets(frames: Float32, background: Array, width_px: int) -> Array:
     background : (n,) weights that give the background.
     width_px : odd number of columns next to a fringe period.
     """
-    rows = some_rows(frames)
-    for frame in rows:
-        for _ in range(2):
-            cv2.blur(frame, (width_px, 1), dst=frame)
-    inner = rows[:, :, width_px : rows.shape[2] - width_px : EVERY_COLUMN]
-    mean = np.tensordot(background.astype(np.float32), inner, axes=1)
-    lit = mean > DARK
-    if np.count_nonzero(lit) < FEWEST:
-        return np.zeros(len(frames))
-    offsets = np.median(inner[:, lit] / mean[lit], axis=1).astype(np.float64) - 1.0
+    count, width = len(frames), frames.shape[2]
+    rows = some_rows(frames).reshape(-1, width)
+    for _ in range(2):
+        cv2.blur(rows, (width_px, 1), dst=rows)
+    # Within half a window the means tell nothing new.
+    inner = np.ascontiguousarray(rows[:, width_px : width - width_px : width_px // 2 + 1]).reshape(count, -1)
+    mean = background.astype(np.float32) @ inner
+    lit = np.flatnonzero(mean > DARK)
+    if lit.size < FEWEST:
+        return np.zeros(count)
+    middle = [(lit.size - 1) // 2, lit.size // 2]
+    shares = np.partition(inner.take(lit, axis=1) / mean[lit], middle, axis=1)[:, middle]
+    offsets = shares.mean(axis=1).astype(np.float64) - 1.0
     offsets -= background @ offsets
-    return offsets if np.abs(offsets).max() > LEAST_OFFSET else np.zeros(len(frames))
+    return offsets if np.abs(offsets).max() > LEAST_OFFSET else np.zeros(count)
 
 
 def second_harmonic(
@@ -69,11 +72,11 @@ def second_harmonic(
     rows = some_rows(frames)[:, :, ::EVERY_COLUMN].reshape(len(frames), -1)
     real, imaginary = fringe.astype(np.float32) @ rows
     amplitude = np.hypot(real, imaginary)
-    lit = amplitude > least
-    if len(residues) == 0 or np.count_nonzero(lit) < FEWEST:
+    lit = np.flatnonzero(amplitude > least)
+    if len(residues) == 0 or lit.size < FEWEST:
         return 0.0
     phasor = (real[lit] + 1j * imaginary[lit]) ** 2 / amplitude[lit]
     expected = (residues_of_harmonic[:, None] * phasor).real
-    seen = residues.astype(np.float32) @ rows[:, lit]
+    seen = residues.astype(np.float32) @ rows.take(lit, axis=1)
     share = float(np.sum(expected * seen)) / max(float(np.sum(expected**2)), 1e-9)
     return share if abs(share) > LEAST_HARMONIC else 0.0

@@ -77,8 +77,13 @@ class Reconstructor:
         return needed_frames(self.pattern.step_count) if self.method == "phase_shift" else 1
 
     def warm_up(self) -> None:
-        """Compile or load every kernel, so that the first real frame is as fast as the rest."""
-        images = self._pipeline.example(self.frames_needed)
+        """Compile or load every kernel, so that the first real frame is as fast as the rest.
+
+        For uint16 images where the saturation level is beyond uint8, else for uint8.
+        """
+        images: Images = self._pipeline.example(self.frames_needed)
+        if self._saturation_level > np.iinfo(np.uint8).max:
+            images = images.astype(np.uint16)
         images = images if self.method == "phase_shift" else images[0]
         self.reconstruct(images, images)
 

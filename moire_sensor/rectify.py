@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.errors import ImageError, RigError
+from moire_sensor.plain_image import Grey
 from moire_sensor.projection import (
     Array,
     as_projection,
@@ -17,7 +18,7 @@ from moire_sensor.projection import (
     distort_pixels,
     split_projection,
 )
-from moire_sensor.resample import Grey, resample
+from moire_sensor.resample import resample
 from moire_sensor.rig import StereoRig
 
 Map = npt.NDArray[np.float32]

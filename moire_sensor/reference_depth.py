@@ -11,6 +11,7 @@ from moire_sensor.edge_input import Image, as_grey, check_numbers
 from moire_sensor.edge_noise import camera_noise
 from moire_sensor.errors import SettingsError
 from moire_sensor.pattern import FringePattern
+from moire_sensor.plain_image import as_plain
 from moire_sensor.projector_map import ProjectorMap
 from moire_sensor.reference_phase import fringe_signal, low_passed
 from moire_sensor.reference_ray import Camera, check_camera, disparity_on_ray_px, phase_seen_rad
@@ -88,7 +89,7 @@ def reference_plane(
     phase_rad = plane_rad + TURN * (psi_periods + fringe_number)
 
     status = pixel_status(picture, np.abs(fringe), settings or Settings())
-    sigma_rad = phase_sigma_rad(camera_noise(image, 255.0 / saturation_level), np.abs(fringe), period_px)
+    sigma_rad = phase_sigma_rad(camera_noise(as_plain(image), 255.0 / saturation_level), np.abs(fringe), period_px)
     background = low_passed(picture.astype(np.complex128), period_px).real
     shot = as_shot(seen, phase_rad, sigma_rad, status, limits_m, background)
     return ReferencePlane(np.where(status == Status.UNLIT, np.nan, psi_periods), shot)

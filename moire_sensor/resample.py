@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
-Grey = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+from moire_sensor.plain_image import Grey, as_plain
 
 
 def resample(image: Grey, pixel_map: npt.NDArray[np.float32]) -> Grey:
@@ -27,7 +27,7 @@ def resample(image: Grey, pixel_map: npt.NDArray[np.float32]) -> Grey:
     (H, W) of the image's dtype; 0 where the place lies outside the image or is not finite.
     """
     result: Grey = np.empty_like(image, order="C", shape=pixel_map.shape[:2])
-    fill_sampled(np.ascontiguousarray(image), pixel_map, np.float32(np.iinfo(image.dtype).max), result)
+    fill_sampled(as_plain(image), pixel_map, np.float32(np.iinfo(image.dtype).max), result)
     return result
 
 

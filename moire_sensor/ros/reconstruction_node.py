@@ -139,7 +139,8 @@ class ReconstructionNode(ManagedNode):
     def _warm_up(self) -> None:
         """In the worker's thread: load or compile the kernels, so that no set is superseded by a slow start."""
         # Dense too: whoever changes the method at run time most likely changes to it.
-        warm_up({"dense", self._settings.method}, self._settings.settings)
+        wanted = self._settings
+        warm_up({"dense", wanted.method}, wanted.settings, wanted.saturation_level)
 
     def _tell_of_kernels(self) -> None:
         self._compiling_s += KERNEL_NEWS_S
