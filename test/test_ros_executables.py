@@ -26,6 +26,7 @@ BAD = {
         ("-p", "min_depth_m:=-1.0"): "a number from 0 to 100",
         ("-p", "min_depth_m:=1.5", "-p", "max_depth_m:=1.0"): "the nearest must be the smaller",
         ("-p", "queue_depth:=many"): "a whole number from 1 to 1000",
+        ("-p", "parallel_sets:=0"): "a whole number from 1 to 16",
         ("-p", "qos_overrides./head/left/image.subscription.depth:=3"): "qos_overrides./head/left/image_raw",
         ("-p", "qos_overrides./head/left/image_raw.subscription.reliability:=perhaps"): "reliable, best_effort",
         ("-p", "qos_overrides./head/points.publisher.depth:=-3"): "a whole number from 1 to 10000",
@@ -75,6 +76,13 @@ def test_bad_input_is_one_line_and_exit_code_1(name: str, arguments: tuple[str, 
     assert len(lines) == 1, done.stderr
     assert lines[0].startswith("error: ")
     assert says in lines[0]
+
+
+def test_parallel_sets_are_refused_where_kernels_run_one_at_a_time_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_THREADING_LAYER", "workqueue")
+    done = run("reconstruction", ("-p", "parallel_sets:=2"))
+    assert done.returncode == 1, done
+    assert "install libgomp1 (apt), or set parallel_sets to 1" in done.stderr.splitlines()[-1]
 
 
 def test_arguments_that_are_no_ros_arguments_are_refused_and_help_is_given() -> None:

@@ -29,15 +29,20 @@ MEDIAN_MM = {"dense": 0.3, "phase_shift": 0.45}
 
 
 @pytest.mark.parametrize(
-    ("scene", "method", "steps", "number"),
-    [("flat_board:distance_m=0.9", "dense", 1, signal.SIGINT), ("free_form", "phase_shift", 4, signal.SIGTERM)],
+    ("scene", "method", "steps", "sets", "rate_hz", "number"),
+    [
+        ("flat_board:distance_m=0.9", "dense", 1, 1, 10, signal.SIGINT),
+        ("flat_board:distance_m=0.9", "dense", 1, 2, 100, signal.SIGINT),
+        ("free_form", "phase_shift", 4, 1, 10, signal.SIGTERM),
+    ],
 )
 def test_every_exposure_becomes_depth_that_is_right(
-    scene: str, method: str, steps: int, number: signal.Signals
+    scene: str, method: str, steps: int, sets: int, rate_hz: int, number: signal.Signals
 ) -> None:
     results = EXPOSURES if steps == 1 else EXPOSURES - 4
-    sensor = running("reconstruction", f"method:={method}", "reliable_input:=true", "queue_depth:=50", number=number)
-    head = running("virtual_head", f"scene:={scene}", f"phase_steps:={steps}", f"seed:={SEED}", "rate_hz:=10",
+    sensor = running("reconstruction", f"method:={method}", "reliable_input:=true", "queue_depth:=50",
+                     f"parallel_sets:={sets}", number=number)  # fmt: skip
+    head = running("virtual_head", f"scene:={scene}", f"phase_steps:={steps}", f"seed:={SEED}", f"rate_hz:={rate_hz}",
                    f"frames:={EXPOSURES}", "wait_for_subscribers:=2", number=number)  # fmt: skip
     with ros_node("listener") as node, sensor:
         listener = Listener(node)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from threading import Event, Thread
+from threading import Event, Semaphore, Thread
 
 import pytest
 
@@ -12,6 +12,10 @@ from moire_sensor.ros.tally import Tally
 from moire_sensor.ros.worker import Worker
 
 TIMEOUT_S = 30.0
+
+
+def nothing(_: object) -> None:
+    """Do nothing with what is given."""
 
 
 class Held:
@@ -23,8 +27,8 @@ class Held:
         self.pushed_out: list[int] = []
         self._last = last
 
-    def worker(self, queue_depth: int) -> Worker[int]:
-        return Worker(self.work, self.pushed_out.append, queue_depth)
+    def worker(self, queue_depth: int) -> Worker[int, None]:
+        return Worker(self.work, nothing, self.pushed_out.append, queue_depth)
 
     def work(self, job: int) -> None:
         self.begun.set()
@@ -44,7 +48,7 @@ def test_below_capacity_every_job_is_done_in_order() -> None:
             last.set()
 
     pushed_out: list[int] = []
-    worker = Worker(work, pushed_out.append, queue_depth=100)
+    worker = Worker(work, nothing, pushed_out.append, queue_depth=100)
     for job in range(100):
         worker.submit(job)
     assert last.wait(TIMEOUT_S)
@@ -90,7 +94,7 @@ def test_stop_finishes_the_job_under_way_and_counts_the_waiting_ones() -> None:
         done.append(job)
 
     pushed_out: list[int] = []
-    worker = Worker(work, pushed_out.append, queue_depth=10)
+    worker = Worker(work, nothing, pushed_out.append, queue_depth=10)
     worker.submit(1)
     assert started.wait(TIMEOUT_S)
     assert not worker.has_waiting()
@@ -143,7 +147,7 @@ def test_waiting_for_the_preparation_tells_when_it_is_over_and_what_it_raised() 
         assert go_on.wait(TIMEOUT_S)
         raise MoireError("no kernels")
 
-    worker: Worker[int] = Worker(lambda _: None, lambda _: None, 1, prepare)
+    worker: Worker[int, None] = Worker(nothing, nothing, nothing, 1, prepare)
     assert not worker.wait_prepared(0.0)
     go_on.set()
     with pytest.raises(MoireError, match="no kernels"):
@@ -157,7 +161,7 @@ def test_a_smaller_queue_holds_less_from_the_next_job_on() -> None:
     def prepare() -> None:
         assert go_on.wait(TIMEOUT_S)
 
-    worker: Worker[int] = Worker(lambda _: None, pushed_out.append, 5, prepare)
+    worker: Worker[int, None] = Worker(nothing, nothing, pushed_out.append, 5, prepare)
     for job in range(5):
         worker.submit(job)
     worker.set_queue_depth(2)
@@ -179,3 +183,65 @@ def test_a_burst_loses_no_more_than_what_does_not_fit() -> None:
     assert worker.stop(10.0)
     assert held.done == [0, *range(4, 14)]
     assert sum(held.pushed_out) == 3
+
+
+def test_two_threads_work_at_a_time_and_deliver_in_order() -> None:
+    second_worked, second_delivered = Event(), Event()
+    under_way: list[int] = []
+    delivered: list[int] = []
+
+    def work(job: int) -> int:
+        if job == 0:
+            assert second_worked.wait(TIMEOUT_S)
+            under_way.append(worker.under_way())
+        else:
+            second_worked.set()
+        return job
+
+    def deliver(done: int) -> None:
+        delivered.append(done)
+        if done == 1:
+            second_delivered.set()
+
+    pushed_out: list[int] = []
+    worker: Worker[int, int] = Worker(work, deliver, pushed_out.append, 5, threads=2)
+    worker.submit(0)
+    worker.submit(1)
+    assert second_delivered.wait(TIMEOUT_S)
+    assert (delivered, under_way, pushed_out) == ([0, 1], [2], [])
+    assert worker.drain(TIMEOUT_S)
+    assert worker.under_way() == 0
+    assert worker.stop(TIMEOUT_S)
+
+
+def test_two_threads_leave_as_much_waiting_as_one() -> None:
+    all_begun, go_on = Semaphore(0), Event()
+    delivered: list[int] = []
+    pushed_out: list[int] = []
+
+    def work(job: int) -> int:
+        all_begun.release()
+        assert go_on.wait(TIMEOUT_S)
+        return job
+
+    worker: Worker[int, int] = Worker(work, delivered.append, pushed_out.append, 2, threads=2)
+    for job in range(2):
+        worker.submit(job)
+        assert all_begun.acquire(timeout=TIMEOUT_S)
+    for job in range(2, 5):
+        worker.submit(job)
+    assert not worker.drain(0.0)
+    go_on.set()
+    assert worker.stop(TIMEOUT_S)
+    assert delivered == [0, 1]
+    assert sum(pushed_out) == 3
+
+
+def test_a_preparation_that_fails_ends_all_threads() -> None:
+    def prepare() -> None:
+        raise MoireError("no kernels")
+
+    worker: Worker[int, None] = Worker(nothing, nothing, nothing, 1, prepare, threads=3)
+    with pytest.raises(MoireError, match="no kernels"):
+        worker.wait_prepared(TIMEOUT_S)
+    assert worker.stop(TIMEOUT_S)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -13,6 +14,7 @@ from rclpy.duration import Duration
 from std_msgs.msg import Header
 
 from moire_sensor.errors import MoireError, SettingsError
+from moire_sensor.kernel_threads import check_parallel_kernels, share_kernel_threads
 from moire_sensor.ros.diagnostics import DiagnosticsPublisher
 from moire_sensor.ros.executable import run_node
 from moire_sensor.ros.head_inputs import HeadInputs
@@ -21,11 +23,11 @@ from moire_sensor.ros.lifecycle import STEADY_CLOCK, ManagedNode
 from moire_sensor.ros.parameters import changed_values, declare, help_text, refuse_unknown
 from moire_sensor.ros.qos import destroy_publisher, overridable, publisher_maker, publisher_qos
 from moire_sensor.ros.reconstruction_health import Health
-from moire_sensor.ros.reconstruction_job import Job, alignment_facts, reconstruct
+from moire_sensor.ros.reconstruction_job import Job, Result, alignment_facts, reconstruct
 from moire_sensor.ros.reconstruction_report import SUPERSEDED, UNWATCHED
 from moire_sensor.ros.reconstruction_settings import SPECS, read_settings
 from moire_sensor.ros.result_publisher import ResultPublisher
-from moire_sensor.ros.sensor_cache import Calibration, SensorCache
+from moire_sensor.ros.sensor_cache import Calibration, ThreadCaches
 from moire_sensor.ros.set_intake import SetIntake
 from moire_sensor.ros.set_matcher import MatchedSet
 from moire_sensor.ros.thresholds import read_thresholds
@@ -42,10 +44,12 @@ KERNEL_POLL_S = 0.05
 KERNEL_NEWS_S = 10.0
 # A topic is called silent this much late at most.
 WATCH_PERIOD_S = 0.25
+# What is left to do with a set in its turn.
+Done = Callable[[], None]
 
 
 class ReconstructionNode(ManagedNode):
-    """Match sets in the executor's thread, reconstruct and publish in one worker thread.
+    """Match sets in the executor's thread, reconstruct and publish in worker threads, one by default.
 
     A managed node: configure makes the publishers, activate subscribes; an inactive node neither receives nor
     publishes. With ``autostart`` it does both by itself. ``others`` are parameters of other nodes of the process.
@@ -57,13 +61,16 @@ class ReconstructionNode(ManagedNode):
         refuse_unknown(self, others=others)
         self._read(self._values)
         self._intake = SetIntake()
-        self._cache = SensorCache()
+        self._caches = ThreadCaches()
         self._inputs: HeadInputs | None = None
         self._results: ResultPublisher | None = None
         self._timers_of_work: list[Any] = []
         self._jumps: Any = None
         self._health = Health(self, self._limits)
-        self._worker: Worker[Job] = Worker(self._work, self._supersede, self._values["queue_depth"], self._warm_up)
+        self._worker: Worker[Job, Done] = Worker(
+            self._work, self._deliver, self._supersede, self._values["queue_depth"], self._warm_up,
+            self._values["parallel_sets"],
+        )  # fmt: skip
         self.add_on_set_parameters_callback(self._change_parameters)
         if self._values["autostart"]:
             self.start_by_itself()
@@ -128,7 +135,7 @@ class ReconstructionNode(ManagedNode):
             self._diagnostics.close()
             destroy_publisher(self, self._done)
             self._results = None
-        self._cache = SensorCache()
+        self._caches = ThreadCaches()
 
     def _read(self, values: dict[str, Any]) -> None:
         """Take over parameter values; raises MoireError for those that do not go together, and takes over none."""
@@ -137,10 +144,12 @@ class ReconstructionNode(ManagedNode):
         self._limits = limits
 
     def _warm_up(self) -> None:
-        """In the worker's thread: load or compile the kernels, so that no set is superseded by a slow start."""
+        """In a worker's thread: load or compile the kernels, so that no set is superseded by a slow start."""
         # Dense too: whoever changes the method at run time most likely changes to it.
         wanted = self._settings
         warm_up({"dense", wanted.method}, wanted.settings, wanted.saturation_level)
+        if self._values["parallel_sets"] > 1:
+            check_parallel_kernels()
 
     def _tell_of_kernels(self) -> None:
         self._compiling_s += KERNEL_NEWS_S
@@ -175,19 +184,34 @@ class ReconstructionNode(ManagedNode):
             return
         self._worker.submit(job)
 
-    def _work(self, job: Job) -> None:
-        """In the worker's thread: reconstruct, publish; nothing that a message holds may end the thread."""
-        health, results = self._health, self._results
+    def _work(self, job: Job) -> Done:
+        """In a worker's thread: reconstruct; nothing that a message holds may end the thread."""
+        share_kernel_threads(self._worker.under_way())
         try:
-            result = reconstruct(job, self._cache)
-            if results is not None:
-                results.publish(job.header, result.sensor, result.shot, job.output)
-            health.note_result(job.header, job.taken_s, result.facts)
-            health.note_alignment(lambda: alignment_facts(job, result, self._cache), self._worker.has_waiting())
-        except MoireError as error:
-            health.refuse_for(error)
-        except Exception:
-            health.refuse("internal error", traceback.format_exc())
+            result = reconstruct(job, self._caches.own)
+        except Exception as error:
+            return partial(self._refuse, error)
+        return partial(self._publish, job, result)
+
+    def _deliver(self, done: Done) -> None:
+        """In a worker's thread, set by set in their order: publish, or tell why not."""
+        try:
+            done()
+        except Exception as error:
+            self._refuse(error)
+
+    def _publish(self, job: Job, result: Result) -> None:
+        health, results = self._health, self._results
+        if results is not None:
+            results.publish(job.header, result.sensor, result.shot, job.output)
+        health.note_result(job.header, job.taken_s, result.facts)
+        health.note_alignment(lambda: alignment_facts(job, result, self._caches.own), self._worker.has_waiting())
+
+    def _refuse(self, error: Exception) -> None:
+        if isinstance(error, MoireError):
+            self._health.refuse_for(error)
+        else:
+            self._health.refuse("internal error", "".join(traceback.format_exception(error)))
 
     def _supersede(self, number: int) -> None:
         self._health.count(SUPERSEDED, number)

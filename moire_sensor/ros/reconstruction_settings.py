@@ -46,6 +46,15 @@ SPECS = (
         1000,
     ),
     ParameterSpec(
+        "parallel_sets",
+        1,
+        "sets worked on at a time, which share the kernels' threads: more of them give more results a second, each of"
+        " which takes longer, and take memory each",
+        1,
+        16,
+        read_only=True,
+    ),
+    ParameterSpec(
         "autostart", True, "configure and activate at once; false waits for lifecycle transitions", read_only=True
     ),
     ParameterSpec(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import OrderedDict
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -69,3 +70,15 @@ class SensorCache:
         if len(self._sensors) > KEPT_SENSORS:
             self._sensors.popitem(last=False)
         return self._sensors[key]
+
+
+class ThreadCaches(threading.local):
+    """One cache a thread, since reconstructors have work memory of their own.
+
+    Attributes
+    ----------
+    own : the cache of the thread that asks.
+    """
+
+    def __init__(self) -> None:
+        self.own = SensorCache()

@@ -1,7 +1,8 @@
-"""One thread that works on the newest jobs, so that subscriptions keep flowing; no ROS needed."""
+"""Threads that work on the newest jobs, so that subscriptions keep flowing; no ROS needed."""
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -9,41 +10,51 @@ from threading import Condition, Thread
 from typing import Generic, TypeVar
 
 Job = TypeVar("Job")
+Done = TypeVar("Done")
 
 
-class Worker(Generic[Job]):
-    """Run ``work(job)`` in a thread, in order; when more wait than may, the oldest are superseded.
+class Worker(Generic[Job, Done]):
+    """Run ``deliver(work(job))`` in a thread, in order; when more wait than may, the oldest are superseded.
 
     After as many of these as may wait, the thread is behind: only the newest waits until it has caught up. With more
     work than it can do, a longer queue would make every result later and none more.
 
     Parameters
     ----------
-    work : called in the thread; it must handle its own errors.
+    work : called in the thread; it must handle its own errors. With more threads, they work on several jobs at a time.
+    deliver : called in the same thread with what ``work`` returned, one at a time and in the order of the jobs; it must
+        handle its own errors too.
     superseded : called with the number of jobs that a newer one pushed out.
     queue_depth : jobs that may wait, at least 1.
-    prepare : called first, in the thread.
+    prepare : called first, in one of the threads.
+    threads : how many, at least 1.
     """
 
     def __init__(
         self,
-        work: Callable[[Job], None],
+        work: Callable[[Job], Done],
+        deliver: Callable[[Done], None],
         superseded: Callable[[int], None],
         queue_depth: int,
         prepare: Callable[[], None] | None = None,
+        threads: int = 1,
     ) -> None:
         self._prepare = prepare
         self._prepared: Future[None] = Future()
         self._work = work
+        self._deliver = deliver
         self._superseded = superseded
         self._queue_depth = queue_depth
         self._waiting: deque[Job] = deque()
         self._changed = Condition()
-        self._busy = False
+        self._begun = self._ended = 0
         self._lost = 0
         self._stopped = False
-        self._thread = Thread(target=self._run, name="reconstruction", daemon=True)
-        self._thread.start()
+        first = Thread(target=self._run_first, name="reconstruction", daemon=True)
+        others = [Thread(target=self._run, name=f"reconstruction {n}", daemon=True) for n in range(2, threads + 1)]
+        self._threads = [first, *others]
+        for thread in self._threads:
+            thread.start()
 
     def is_prepared(self) -> bool:
         """Tell whether ``prepare`` is over."""
@@ -83,55 +94,78 @@ class Worker(Generic[Job]):
         with self._changed:
             return bool(self._waiting)
 
+    def under_way(self) -> int:
+        """Return how many jobs are under way."""
+        with self._changed:
+            return self._begun - self._ended
+
     def is_idle(self) -> bool:
         """Tell whether nothing waits and nothing is under way."""
         with self._changed:
-            return not self._waiting and not self._busy
+            return not self._waiting and self._begun == self._ended
 
     def drain(self, patience_s: float | None = None) -> bool:
-        """Take no more of what waits, superseded by the pause, and wait for the end of the job under way.
+        """Take no more of what waits, superseded by the pause, and wait for the end of what is under way.
 
         Returns False when that takes longer than ``patience_s``.
         """
         with self._changed:
             left_over = len(self._waiting)
             self._waiting.clear()
-            idle = self._changed.wait_for(lambda: not self._busy, patience_s)
+            idle = self._changed.wait_for(lambda: self._begun == self._ended, patience_s)
         if left_over:
             self._superseded(left_over)
         return idle
 
     def stop(self, patience_s: float | None = None) -> bool:
-        """End after the job under way; waiting jobs are superseded by the end.
+        """End after the jobs under way; waiting jobs are superseded by the end.
 
         Returns False when what is under way takes longer than ``patience_s``.
         """
+        until_s = None if patience_s is None else time.monotonic() + patience_s
         with self._changed:
             self._stopped = True
             left_over = len(self._waiting)
             self._waiting.clear()
             self._changed.notify_all()
-        self._thread.join(patience_s)
+        for thread in self._threads:
+            thread.join(None if until_s is None else max(until_s - time.monotonic(), 0.0))
         if left_over:
             self._superseded(left_over)
-        return not self._thread.is_alive()
+        return not any(thread.is_alive() for thread in self._threads)
 
-    def _run(self) -> None:
+    def _run_first(self) -> None:
         try:
             if self._prepare is not None:
                 self._prepare()
         except Exception as error:
+            with self._changed:
+                self._stopped = True
+                self._changed.notify_all()
             self._prepared.set_exception(error)
             return
-        self._prepared.set_result(None)
+        with self._changed:
+            self._prepared.set_result(None)
+            self._changed.notify_all()
+        self._run()
+
+    def _run(self) -> None:
         while True:
             with self._changed:
-                self._busy = False
                 self._lost = self._lost if self._waiting else 0
-                self._changed.notify_all()
-                self._changed.wait_for(lambda: self._stopped or bool(self._waiting))
+                self._changed.wait_for(lambda: self._stopped or (bool(self._waiting) and self._prepared.done()))
                 if self._stopped:
                     return
-                job = self._waiting.popleft()
-                self._busy = True
-            self._work(job)
+                job, turn = self._waiting.popleft(), self._begun
+                self._begun += 1
+            done = self._work(job)
+            self._await_turn(turn)
+            self._deliver(done)
+            with self._changed:
+                self._ended += 1
+                self._changed.notify_all()
+
+    def _await_turn(self, turn: int) -> None:
+        """Wait until all jobs before have been delivered."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended == turn)

@@ -53,19 +53,23 @@ print(time.time() - begin)
 class LatencyCase:
     """What runs: ``topics`` are subscribed, ``timed`` is the one whose arrival is measured.
 
-    Without a ``rate_hz`` the head shows pictures made once, as fast as the reconstruction takes them.
+    Without a ``rate_hz`` the head shows pictures made once, as fast as the reconstruction takes them. ``sets`` are
+    worked on at a time.
     """
 
     name: str
     topics: tuple[str, ...]
     timed: str
     rate_hz: float | None = RATE_HZ
+    sets: int = 1
 
 
 CASES = (
     LatencyCase("all outputs, 30 Hz", tuple(TOPICS), CLOUD),
     LatencyCase("depth/image_rect alone, 30 Hz", (DEPTH,), DEPTH),
     LatencyCase("depth/image_rect alone, as fast as it goes", (DEPTH,), DEPTH, None),
+    LatencyCase("all outputs, 30 Hz, two sets at a time", tuple(TOPICS), CLOUD, sets=2),
+    LatencyCase("depth/image_rect alone, as fast as it goes, two sets at a time", (DEPTH,), DEPTH, None, 2),
 )
 
 
@@ -140,8 +144,9 @@ def measured(case: LatencyCase, node: Node, seconds: float, folder: Path) -> Lat
     """Run one case with the parameters of the demo's launch file, but for a queue that lets the newest win."""
     exposures = max(round(seconds * (case.rate_hz or FAST_SHARE * RATE_HZ)), 1)
     outputs = Outputs(node, case)
+    sensor = "reliable_input:=true", f"parallel_sets:={case.sets}"
     processes = [
-        NodeProcess.start("reconstruction", ("reliable_input:=true",), folder / "reconstruction.log"),
+        NodeProcess.start("reconstruction", sensor, folder / "reconstruction.log"),
         start_head(case, exposures, folder / "head.log"),
     ]
     try:

@@ -116,8 +116,9 @@ MEMORY_NOTE = (
 LATENCY_NOTE = (
     "Head, reconstruction and this listener as processes on the same cores, 640x480, a still scene, `dense`, 60 s at"
     " 30 Hz: what became of the sets, and the time from the exposure's stamp to the arrival of the cloud (all outputs)"
-    " or of the depth image. Superseded: overtaken by newer ones, as the machine was too slow. Last row: pictures made"
-    " once, sent as fast as results come. From import to first depth in a new process, kernels cached: {:.1f} s."
+    " or of the depth image. Superseded: overtaken by newer ones, as the machine was too slow. As fast as it goes:"
+    " pictures made once, sent as results come. Two sets at a time: `parallel_sets:=2`. From import to first depth in"
+    " a new process, kernels cached: {:.1f} s."
 )
 SCAN_NOTE = (
     "How the peers' settings were chosen: mean share of the co-visible pixels right within 1, 1/2 and 1/4 px, less the"
