@@ -68,7 +68,7 @@ class ReconstructionNode(ManagedNode):
         self._jumps: Any = None
         self._health = Health(self, self._limits)
         self._worker: Worker[Job, Done] = Worker(
-            self._work, self._deliver, self._supersede, self._values["queue_depth"], self._warm_up,
+            self._work, finish, self._supersede, self._values["queue_depth"], self._warm_up,
             self._values["parallel_sets"],
         )  # fmt: skip
         self.add_on_set_parameters_callback(self._change_parameters)
@@ -186,32 +186,24 @@ class ReconstructionNode(ManagedNode):
 
     def _work(self, job: Job) -> Done:
         """In a worker's thread: reconstruct; nothing that a message holds may end the thread."""
+        # Those of the activation that took the set.
+        health, results = self._health, self._results
         share_kernel_threads(self._worker.under_way())
         try:
             result = reconstruct(job, self._caches.own)
         except Exception as error:
-            return partial(self._refuse, error)
-        return partial(self._publish, job, result)
+            return partial(refuse_for, error, health)
+        return partial(self._publish, job, result, health, results)
 
-    def _deliver(self, done: Done) -> None:
-        """In a worker's thread, set by set in their order: publish, or tell why not."""
+    def _publish(self, job: Job, result: Result, health: Health, results: ResultPublisher | None) -> None:
+        """In a worker's thread, set by set in their order."""
         try:
-            done()
+            if results is not None:
+                results.publish(job.header, result.sensor, result.shot, job.output)
+            health.note_result(job.header, job.taken_s, result.facts)
+            health.note_alignment(lambda: alignment_facts(job, result, self._caches.own), self._worker.has_waiting())
         except Exception as error:
-            self._refuse(error)
-
-    def _publish(self, job: Job, result: Result) -> None:
-        health, results = self._health, self._results
-        if results is not None:
-            results.publish(job.header, result.sensor, result.shot, job.output)
-        health.note_result(job.header, job.taken_s, result.facts)
-        health.note_alignment(lambda: alignment_facts(job, result, self._caches.own), self._worker.has_waiting())
-
-    def _refuse(self, error: Exception) -> None:
-        if isinstance(error, MoireError):
-            self._health.refuse_for(error)
-        else:
-            self._health.refuse("internal error", "".join(traceback.format_exception(error)))
+            refuse_for(error, health)
 
     def _supersede(self, number: int) -> None:
         self._health.count(SUPERSEDED, number)
@@ -244,6 +236,19 @@ class ReconstructionNode(ManagedNode):
         if self._inputs is not None and self._results is not None:
             self._results.say_unheard()
             self._health.report(self._inputs, self._diagnostics, self._values["diagnostics_period_s"])
+
+
+def finish(done: Done) -> None:
+    """Do what is left to do with a set."""
+    done()
+
+
+def refuse_for(error: Exception, health: Health) -> None:
+    """Count a set refused for an error, which may be one of our own."""
+    if isinstance(error, MoireError):
+        health.refuse_for(error)
+    else:
+        health.refuse("internal error", "".join(traceback.format_exception(error)))
 
 
 def main() -> int:
