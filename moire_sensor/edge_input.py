@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from moire_sensor.errors import ImageError, SettingsError
+from moire_sensor.plain_image import Grey
 from moire_sensor.rig import StereoRig
 
 Float32 = npt.NDArray[np.float32]
-Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+Image = Grey
 
 
 def check_numbers(depth_range_m: tuple[float, float], saturation_level: float) -> tuple[float, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from moire_sensor.edge_depth import FringeEdges
 from moire_sensor.edge_input import check_numbers
@@ -12,6 +11,7 @@ from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_carrier import Float32
 from moire_sensor.phase_pipeline import PhasePipeline
 from moire_sensor.phase_steps import StepFilter, needed_frames
+from moire_sensor.plain_image import Grey
 from moire_sensor.reference_depth import reference_plane
 from moire_sensor.rig import StereoRig
 from moire_sensor.settings import Settings
@@ -20,7 +20,7 @@ from moire_sensor.shot_merge import moved_region, taken_from
 
 METHODS = ("dense", "phase_shift", "fringe_edges", "reference_plane")
 DEFAULT_DEPTH_RANGE_M = (0.5, 2.0)
-Images = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+Images = Grey
 
 
 class Reconstructor:

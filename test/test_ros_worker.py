@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from threading import Event, Semaphore, Thread
 
 import pytest
@@ -14,8 +16,13 @@ from moire_sensor.ros.worker import Worker
 TIMEOUT_S = 30.0
 
 
-def nothing(_: object) -> None:
-    """Do nothing with what is given."""
+def nothing() -> None:
+    """Deliver nothing."""
+
+
+def idle(_: object) -> Callable[[], None]:
+    """Work on nothing."""
+    return nothing
 
 
 class Held:
@@ -27,28 +34,30 @@ class Held:
         self.pushed_out: list[int] = []
         self._last = last
 
-    def worker(self, queue_depth: int) -> Worker[int, None]:
-        return Worker(self.work, nothing, self.pushed_out.append, queue_depth)
+    def worker(self, queue_depth: int) -> Worker[int]:
+        return Worker(self.work, self.pushed_out.append, queue_depth)
 
-    def work(self, job: int) -> None:
+    def work(self, job: int) -> Callable[[], None]:
         self.begun.set()
         assert self.go_on.wait(TIMEOUT_S)
         self.done.append(job)
         if job in self._last:
             self.ended.set()
+        return nothing
 
 
 def test_below_capacity_every_job_is_done_in_order() -> None:
     done: list[int] = []
     last = Event()
 
-    def work(job: int) -> None:
+    def work(job: int) -> Callable[[], None]:
         done.append(job)
         if job == 99:
             last.set()
+        return nothing
 
     pushed_out: list[int] = []
-    worker = Worker(work, nothing, pushed_out.append, queue_depth=100)
+    worker = Worker(work, pushed_out.append, queue_depth=100)
     for job in range(100):
         worker.submit(job)
     assert last.wait(TIMEOUT_S)
@@ -88,13 +97,14 @@ def test_stop_finishes_the_job_under_way_and_counts_the_waiting_ones() -> None:
     started, go_on = Event(), Event()
     done: list[int] = []
 
-    def work(job: int) -> None:
+    def work(job: int) -> Callable[[], None]:
         started.set()
         assert go_on.wait(TIMEOUT_S)
         done.append(job)
+        return nothing
 
     pushed_out: list[int] = []
-    worker = Worker(work, nothing, pushed_out.append, queue_depth=10)
+    worker = Worker(work, pushed_out.append, queue_depth=10)
     worker.submit(1)
     assert started.wait(TIMEOUT_S)
     assert not worker.has_waiting()
@@ -147,7 +157,7 @@ def test_waiting_for_the_preparation_tells_when_it_is_over_and_what_it_raised() 
         assert go_on.wait(TIMEOUT_S)
         raise MoireError("no kernels")
 
-    worker: Worker[int, None] = Worker(nothing, nothing, nothing, 1, prepare)
+    worker: Worker[int] = Worker(idle, idle, 1, prepare)
     assert not worker.wait_prepared(0.0)
     go_on.set()
     with pytest.raises(MoireError, match="no kernels"):
@@ -161,7 +171,7 @@ def test_a_smaller_queue_holds_less_from_the_next_job_on() -> None:
     def prepare() -> None:
         assert go_on.wait(TIMEOUT_S)
 
-    worker: Worker[int, None] = Worker(nothing, nothing, pushed_out.append, 5, prepare)
+    worker: Worker[int] = Worker(idle, pushed_out.append, 5, prepare)
     for job in range(5):
         worker.submit(job)
     worker.set_queue_depth(2)
@@ -190,21 +200,21 @@ def test_two_threads_work_at_a_time_and_deliver_in_order() -> None:
     under_way: list[int] = []
     delivered: list[int] = []
 
-    def work(job: int) -> int:
+    def work(job: int) -> Callable[[], None]:
         if job == 0:
             assert second_worked.wait(TIMEOUT_S)
             under_way.append(worker.under_way())
         else:
             second_worked.set()
-        return job
+        return partial(deliver, job)
 
-    def deliver(done: int) -> None:
-        delivered.append(done)
-        if done == 1:
+    def deliver(job: int) -> None:
+        delivered.append(job)
+        if job == 1:
             second_delivered.set()
 
     pushed_out: list[int] = []
-    worker: Worker[int, int] = Worker(work, deliver, pushed_out.append, 5, threads=2)
+    worker: Worker[int] = Worker(work, pushed_out.append, 5, threads=2)
     worker.submit(0)
     worker.submit(1)
     assert second_delivered.wait(TIMEOUT_S)
@@ -219,12 +229,12 @@ def test_two_threads_leave_as_much_waiting_as_one() -> None:
     delivered: list[int] = []
     pushed_out: list[int] = []
 
-    def work(job: int) -> int:
+    def work(job: int) -> Callable[[], None]:
         all_begun.release()
         assert go_on.wait(TIMEOUT_S)
-        return job
+        return partial(delivered.append, job)
 
-    worker: Worker[int, int] = Worker(work, delivered.append, pushed_out.append, 2, threads=2)
+    worker: Worker[int] = Worker(work, pushed_out.append, 2, threads=2)
     for job in range(2):
         worker.submit(job)
         assert all_begun.acquire(timeout=TIMEOUT_S)
@@ -241,7 +251,7 @@ def test_a_preparation_that_fails_ends_all_threads() -> None:
     def prepare() -> None:
         raise MoireError("no kernels")
 
-    worker: Worker[int, None] = Worker(nothing, nothing, nothing, 1, prepare, threads=3)
+    worker: Worker[int] = Worker(idle, idle, 1, prepare, threads=3)
     with pytest.raises(MoireError, match="no kernels"):
         worker.wait_prepared(TIMEOUT_S)
     assert worker.stop(TIMEOUT_S)

@@ -18,7 +18,7 @@ from moire_sensor.settings import Settings
 from moire_sim import VirtualHead
 
 LEVELS = {"uint8": 255.0, "uint16": 4095.0}
-FARTHER = 16
+FINER = 16
 
 
 def kernels() -> set[tuple[str, str]]:
@@ -46,7 +46,7 @@ def main() -> int:
     with VirtualHead("room") as head:
         seen, rig = head.capture(pattern), head.rig
     sensor = Reconstructor(rig, pattern, method=method, saturation_level=LEVELS[dtype])
-    views = [image if dtype == "uint8" else image.astype(np.uint16) * FARTHER for image in (seen.left, seen.right)]
+    views = [image if dtype == "uint8" else image.astype(np.uint16) * FINER for image in (seen.left, seen.right)]
     for writeable in (True, False):
         for view in views:
             view.flags.writeable = writeable

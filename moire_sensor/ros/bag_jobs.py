@@ -24,7 +24,7 @@ from moire_sensor.ros.executable import keep_freed_memory
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # How long a signal may go unnoticed while nothing is heard from the processes.
 WAKE_UP_S = 0.2
-# The kernels of one process must not be entered by two tasks at once.
+# Without OpenMP and TBB, the kernels of one process must not be entered by two tasks at once (kernel_threads).
 _KERNELS = threading.Lock()
 Progress = Callable[[int], object]
 

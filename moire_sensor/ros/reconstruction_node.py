@@ -44,8 +44,6 @@ KERNEL_POLL_S = 0.05
 KERNEL_NEWS_S = 10.0
 # A topic is called silent this much late at most.
 WATCH_PERIOD_S = 0.25
-# What is left to do with a set in its turn.
-Done = Callable[[], None]
 
 
 class ReconstructionNode(ManagedNode):
@@ -67,10 +65,9 @@ class ReconstructionNode(ManagedNode):
         self._timers_of_work: list[Any] = []
         self._jumps: Any = None
         self._health = Health(self, self._limits)
-        self._worker: Worker[Job, Done] = Worker(
-            self._work, finish, self._supersede, self._values["queue_depth"], self._warm_up,
-            self._values["parallel_sets"],
-        )  # fmt: skip
+        self._worker: Worker[Job] = Worker(
+            self._work, self._supersede, self._values["queue_depth"], self._warm_up, self._values["parallel_sets"]
+        )
         self.add_on_set_parameters_callback(self._change_parameters)
         if self._values["autostart"]:
             self.start_by_itself()
@@ -184,8 +181,8 @@ class ReconstructionNode(ManagedNode):
             return
         self._worker.submit(job)
 
-    def _work(self, job: Job) -> Done:
-        """In a worker's thread: reconstruct; nothing that a message holds may end the thread."""
+    def _work(self, job: Job) -> Callable[[], None]:
+        """In a worker's thread: reconstruct, and return what publishes; no message may end the thread."""
         # Those of the activation that took the set.
         health, results = self._health, self._results
         share_kernel_threads(self._worker.under_way())
@@ -236,11 +233,6 @@ class ReconstructionNode(ManagedNode):
         if self._inputs is not None and self._results is not None:
             self._results.say_unheard()
             self._health.report(self._inputs, self._diagnostics, self._values["diagnostics_period_s"])
-
-
-def finish(done: Done) -> None:
-    """Do what is left to do with a set."""
-    done()
 
 
 def refuse_for(error: Exception, health: Health) -> None:

@@ -10,20 +10,18 @@ from threading import Condition, Thread
 from typing import Generic, TypeVar
 
 Job = TypeVar("Job")
-Done = TypeVar("Done")
 
 
-class Worker(Generic[Job, Done]):
-    """Run ``deliver(work(job))`` in a thread, in order; when more wait than may, the oldest are superseded.
+class Worker(Generic[Job]):
+    """Run ``work(job)()`` in a thread, in order; when more wait than may, the oldest are superseded.
 
     After as many of these as may wait, the thread is behind: only the newest waits until it has caught up. With more
     work than it can do, a longer queue would make every result later and none more.
 
     Parameters
     ----------
-    work : called in the thread; it must handle its own errors. With more threads, they work on several jobs at a time.
-    deliver : called in the same thread with what ``work`` returned, one at a time and in the order of the jobs; it must
-        handle its own errors too.
+    work : called in the thread; with more threads, for several jobs at a time. What it returns is called in the same
+        thread, one at a time and in the order of the jobs. Both must handle their own errors.
     superseded : called with the number of jobs that a newer one pushed out.
     queue_depth : jobs that may wait, at least 1.
     prepare : called first, in one of the threads.
@@ -32,8 +30,7 @@ class Worker(Generic[Job, Done]):
 
     def __init__(
         self,
-        work: Callable[[Job], Done],
-        deliver: Callable[[Done], None],
+        work: Callable[[Job], Callable[[], None]],
         superseded: Callable[[int], None],
         queue_depth: int,
         prepare: Callable[[], None] | None = None,
@@ -42,7 +39,6 @@ class Worker(Generic[Job, Done]):
         self._prepare = prepare
         self._prepared: Future[None] = Future()
         self._work = work
-        self._deliver = deliver
         self._superseded = superseded
         self._queue_depth = queue_depth
         self._waiting: deque[Job] = deque()
@@ -158,14 +154,14 @@ class Worker(Generic[Job, Done]):
                     return
                 job, turn = self._waiting.popleft(), self._begun
                 self._begun += 1
-            done = self._work(job)
+            deliver = self._work(job)
             self._await_turn(turn)
-            self._deliver(done)
+            deliver()
             with self._changed:
                 self._ended += 1
                 self._changed.notify_all()
 
     def _await_turn(self, turn: int) -> None:
-        """Wait until all jobs before have been delivered."""
+        """Wait until all jobs before have ended."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended == turn)
