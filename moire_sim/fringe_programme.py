@@ -29,8 +29,15 @@ class FringeProgramme:
         return self._patterns
 
     def next(self) -> tuple[FringePattern, int]:
-        """Return pattern and step of the next exposure."""
-        number, self._exposures = self._exposures, self._exposures + 1
+        """Return pattern and step of the next exposure, and go on to the one after it."""
+        upcoming = self.upcoming
+        self._exposures += 1
+        return upcoming
+
+    @property
+    def upcoming(self) -> tuple[FringePattern, int]:
+        """Pattern and step of the next exposure."""
+        number = self._exposures
         if len(self._patterns) == 1:
             return self._patterns[0], number % self._patterns[0].step_count
         turns = [needed_frames(pattern.step_count) for pattern in self._patterns]

@@ -132,7 +132,7 @@ class VirtualHead:
         ``joints_after`` tells pan and tilt so many seconds after the middle of the exposure, where a mirror's sweep
         (``optics.sweep_ms``) takes time and the head turns meanwhile.
         """
-        step = step % pattern.step_count if pattern else 0
+        step = step_of(pattern, step)
         if self._real is None:
             return self._ideal.expose(pattern, step, exposure_index)
 
@@ -143,6 +143,14 @@ class VirtualHead:
         images = self._real.expose(pattern, step, exposure_index, self._time_s, way)
         self._renderer.go_to(self._moment)
         return images
+
+    def prepare(self, pattern: FringePattern | None, step: int = 0, exposure_index: int = 0) -> None:
+        """Make an exposure ahead of its time, which :meth:`expose` returns if it is the next asked for.
+
+        What moves until then makes it void. Real optics, the light of which varies, prepare nothing.
+        """
+        if self._real is None:
+            self._ideal.prepare(pattern, step_of(pattern, step), exposure_index)
 
     def ambient(self, exposure_index: int = 0) -> tuple[Grey, Grey]:
         """Left and right image (H, W) of one exposure with the projector off."""
@@ -246,3 +254,8 @@ class VirtualHead:
         if self._still is None:
             self._still = still_view(self._renderer, self.rig, self._views)
         return self._still
+
+
+def step_of(pattern: FringePattern | None, step: int) -> int:
+    """Which of a pattern's steps an exposure shows; 0 where the projector is off."""
+    return step % pattern.step_count if pattern else 0

@@ -15,6 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from moire_sensor.errors import MoireError
 from moire_sensor.paper_rig import PROJECTOR_SIZE
+from moire_sensor.pattern import FringePattern
 from moire_sensor.phase_steps import needed_frames
 from moire_sensor.resources import resource_path
 from moire_sensor.ros.diagnostics import DiagnosticsPublisher
@@ -47,6 +48,8 @@ A simulated head with two cameras and a fringe projector before a scene.
 NAMESPACE = "head"
 DIAGNOSTICS_PERIOD_S = 1.0
 SLOW_NEWS_S = 30.0
+# The next exposure of a still scene is made ready so late in the period, when the work on the last one is mostly done.
+READY_SHARE = 0.75
 HEAD_SPECS = (
     ParameterSpec(
         "scene",
@@ -141,6 +144,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
     def _begin_turns(self) -> None:
         """At the first turn: expose at each one from now on."""
         self.destroy_timer(self._first_turn)
+        self._getting_ready = self.create_timer(READY_SHARE / self._values["rate_hz"], self._get_ready)
         self.create_timer(1.0 / self._values["rate_hz"], self._tick)
         self._tick()
 
@@ -151,6 +155,16 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         if not self._values["frames"] or self._exposures < self._values["frames"]:
             self._rate.note(time.monotonic())
             self._expose()
+            self._getting_ready.reset()
+
+    def _get_ready(self) -> None:
+        """Make the next exposure before its time, as a camera's chip is ready for its; once for each tick."""
+        self._getting_ready.cancel()
+        pattern, step = self._programme.upcoming
+        self._head.prepare(self._shown(pattern), step, self._exposures)
+
+    def _shown(self, pattern: FringePattern) -> FringePattern | None:
+        return pattern if self._laser_on else None
 
     def _expose(self) -> None:
         """Make the next exposure and publish everything that belongs to it with its stamp."""
@@ -160,8 +174,7 @@ class VirtualHeadNode(Node):  # type: ignore[misc]
         self._joints.turn(now)
         self._base.publish(stamp)
         pattern, step = self._programme.next()
-        shown = pattern if self._laser_on else None
-        left, right = self._head.expose(shown, step, self._exposures, self._joints.after(now))
+        left, right = self._head.expose(self._shown(pattern), step, self._exposures, self._joints.after(now))
         self._exposures += 1
         self._publisher.publish(stamp, left, right, state_of_exposure(pattern, step, self._laser_on))
         if self._truth.get_subscription_count():

@@ -89,7 +89,8 @@ def test_two_pitches_of_phase_steps_give_a_result_each() -> None:
             results.append({frame.state.fringe_period_px for frame in whole})
     assert results == [{16.0}, {21.0}, {16.0}, {21.0}]
     programme.change(patterns[1:])
-    assert [programme.next() for _ in range(5)] == [(patterns[1], step) for step in (0, 1, 2, 3, 0)]
+    shown = [(programme.upcoming, programme.next()) for _ in range(5)]
+    assert shown == [((patterns[1], step), (patterns[1], step)) for step in (0, 1, 2, 3, 0)]
 
 
 def test_the_truth_and_the_pose_of_a_driving_head_belong_to_the_exposure() -> None:

@@ -17,9 +17,19 @@ from moire_sensor.errors import SettingsError
 from moire_sensor.paper_rig import CX_PX, CY_PX, FX_PX, FY_PX, PERIOD_PX, paper_pattern, paper_rig
 from moire_sensor.pattern import FringePattern
 from moire_sensor.rig import StereoRig
-from moire_sim import HeadCapture, HeadOptions, Light, SceneError, VirtualHead, indoor_names, scene_names
+from moire_sim import (
+    HeadCapture,
+    HeadOptions,
+    Light,
+    SceneError,
+    VirtualHead,
+    ideal_pictures,
+    indoor_names,
+    scene_names,
+)
 from moire_sim.analytic_scenes import SCENES, analytic_capture
 from moire_sim.analytic_surfaces import Box, Cylinder, Relief, Surface
+from moire_sim.capture import Grey
 from moire_sim.exposure import noise_generator, normal_quantiles, quick_noise
 from moire_sim.scenes import scene_bodies
 from moire_sim.score import near_edges
@@ -202,6 +212,42 @@ def test_exposures_of_the_stream_are_those_of_the_capture() -> None:
         left, right = head.expose(pattern, 2, 9)
     np.testing.assert_array_equal(capture.left[2], left)
     np.testing.assert_array_equal(capture.right[2], right)
+
+
+def test_an_exposure_made_ahead_is_the_one_that_would_be_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    pattern = paper_pattern(3)
+    with VirtualHead("flat_board", seed=1) as head:
+        plain = {index: head.expose(pattern, index, index) for index in range(3)}
+        head.ambient()
+        made: list[tuple[int, ...]] = []
+        monkeypatch.setattr(
+            ideal_pictures, "noise_generator", lambda *key: (made.append(key), noise_generator(*key))[1]
+        )
+
+        def check(expected: tuple[Grey, Grey], index: int, makes: int) -> None:
+            made.clear()
+            np.testing.assert_array_equal(head.expose(pattern, index, index), expected)
+            assert len(made) == makes
+
+        head.prepare(pattern, 1, 1)
+        check(plain[1], 1, 0)
+        # Each is used once, and only as what was asked for: not as another one, nor after the head has turned.
+        check(plain[1], 1, 2)
+        head.prepare(pattern, 1, 1)
+        check(plain[2], 2, 2)
+        check(plain[1], 1, 2)
+        head.prepare(None, 0, 1)
+        check(plain[1], 1, 2)
+        head.prepare(pattern, 1, 1)
+        head.set_head(0.02, 0.0)
+        made.clear()
+        turned = head.expose(pattern, 1, 1)
+        assert len(made) == 2
+        assert np.any(turned[0] != plain[1][0])
+        # What is not known without noise would have to be worked out first, perhaps for nothing.
+        made.clear()
+        head.prepare(pattern, 2, 2)
+        assert not made
 
 
 def test_without_the_laser_there_are_no_fringes() -> None:
